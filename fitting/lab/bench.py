@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -169,36 +169,27 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer(Row):
-    """The truth about a row: the sample as it was then, its waves (lines, 2) in V peak."""
+    """The truth about a row: the sample as it was then, its waves (lines, 2) in V peak.
+
+    ``arrays`` are what an instrument has read of it, by name; none before.
+    """
 
     sample: Sample
     waves_v: ComplexArray
+    arrays: Mapping[str, FloatArray] = field(default_factory=dict)
 
     @property
     def lines_v(self) -> ComplexArray:
         """The lines (n,) of the observed mode."""
         return self.waves_v[:, self.observed]
 
-    def reading(self, arrays: Mapping[str, FloatArray]) -> Reading:
-        """What an instrument hands over of it.
+    def reading(self, arrays: Mapping[str, FloatArray]) -> Answer:
+        """The same with what an instrument hands over of it.
 
         Args:
             arrays: columns by name, each (n,).
         """
-        return Reading(
-            label=self.label,
-            drive=self.drive,
-            observed=self.observed,
-            averaged=self.averaged,
-            arrays=dict(arrays),
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reading(Row):
-    """What an instrument hands over of a row: arrays by name, as it says."""
-
-    arrays: Mapping[str, FloatArray]
+        return replace(self, arrays=dict(arrays))
 
 
 class Instrument(ABC):
@@ -212,7 +203,7 @@ class Instrument(ABC):
     @abstractmethod
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
-    ) -> tuple[Reading, ...]:
+    ) -> tuple[Answer, ...]:
         """Read the answers in turn. ``rng`` is the series' own; ``seed`` is for another one.
 
         Args:
@@ -230,7 +221,7 @@ class Instrument(ABC):
             tables: of the TOML file.
         """
 
-    def columns(self, reading: Reading) -> dict[str, Cell]:
+    def columns(self, reading: Answer) -> dict[str, Cell]:
         """Cells of a row of experiments.csv by header, behind label and drive.
 
         Args:
@@ -238,7 +229,7 @@ class Instrument(ABC):
         """
         return {}
 
-    def files(self, reading: Reading) -> dict[str, dict[str, FloatArray]]:
+    def files(self, reading: Answer) -> dict[str, dict[str, FloatArray]]:
         """Columns by header, by file name, of what has no place in that row.
 
         Args:
@@ -260,7 +251,7 @@ class Measured:
     gain: float
     instrument: Instrument
     answers: tuple[Answer, ...]
-    readings: tuple[Reading, ...]
+    readings: tuple[Answer, ...]
     eta_before_hz: tuple[float, float] = (math.nan, math.nan)
     eta_after_hz: tuple[float, float] = (math.nan, math.nan)
 

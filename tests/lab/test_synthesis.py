@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from fitting.campaign import read_campaign
-from fitting.lab.bench import Answer, Bench, Instrument, Reading, Series
+from fitting.lab.bench import Answer, Bench, Instrument, Series
 from fitting.lab.benches import string_bench
 from fitting.lab.drive import Drive
 from fitting.lab.duffing import Cubic, CubicModes
@@ -93,19 +93,19 @@ class Quadratures(Instrument):
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
-    ) -> tuple[Reading, ...]:
+    ) -> tuple[Answer, ...]:
         return tuple(a.reading({"x_v": a.lines_v.real, "y_v": a.lines_v.imag}) for a in answers)
 
     def edit(self, tables: Tables) -> None:
         tables["experiments"] = {"file": "experiments.csv", "quadratures": ["x1", "y1"]}
 
-    def columns(self, reading: Reading) -> dict[str, float | str]:
+    def columns(self, reading: Answer) -> dict[str, float | str]:
         return {
             "x1 (V)": float(reading.arrays["x_v"][0]),
             "y1 (V)": float(reading.arrays["y_v"][0]),
         }
 
-    def files(self, reading: Reading) -> dict[str, dict[str, FloatArray]]:
+    def files(self, reading: Answer) -> dict[str, dict[str, FloatArray]]:
         return {f"{reading.label}.csv": {"x (V)": reading.arrays["x_v"]}}
 
 

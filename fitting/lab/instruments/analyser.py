@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.lab.bench import Answer, Bench, Instrument, Reading
+from fitting.lab.bench import Answer, Bench, Instrument
 from fitting.text.arrays import FloatArray
 from fitting.text.toml import Tables, put
 
@@ -19,7 +19,7 @@ class Analyser(Instrument):
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
-    ) -> tuple[Reading, ...]:
+    ) -> tuple[Answer, ...]:
         """All lines through a Gaussian resolution filter, plus complex noise, in magnitude."""
         return tuple(answer.reading(_spectrum(bench, answer, rng)) for answer in answers)
 
@@ -34,7 +34,7 @@ class Analyser(Instrument):
         }
         put(tables, "experiments", experiments)
 
-    def files(self, reading: Reading) -> dict[str, dict[str, FloatArray]]:
+    def files(self, reading: Answer) -> dict[str, dict[str, FloatArray]]:
         """The spectrum."""
         columns = {
             "frequency (MHz)": reading.arrays["frequency_hz"] / 1e6,

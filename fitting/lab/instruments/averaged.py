@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.lab.bench import Answer, Bench, Instrument, Reading
+from fitting.lab.bench import Answer, Bench, Instrument
 from fitting.text.toml import Tables
 
 
@@ -32,7 +32,7 @@ class Averaged(Instrument):
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
-    ) -> tuple[Reading, ...]:
+    ) -> tuple[Answer, ...]:
         """|X + n| (1 + r): complex n of the floor after averaging, r of the relative noise."""
         relative = bench.noise_scale * self.relative
         found, own = [], np.random.default_rng([seed, 3])

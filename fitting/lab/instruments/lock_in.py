@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lab.bench import DRIFTING, OUTPUTS, Answer, Bench, Cell, Instrument, Reading
+from fitting.lab.bench import DRIFTING, OUTPUTS, Answer, Bench, Cell, Instrument
 from fitting.lab.instruments.analyser import Analyser
 from fitting.lab.instruments.peaks import peak_columns, peak_table
 from fitting.text.errors import BadInput
@@ -65,7 +65,7 @@ class LockIns(Instrument):
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
-    ) -> tuple[Reading, ...]:
+    ) -> tuple[Answer, ...]:
         """|X| (1 + r) with r of the relative noise, the observed mode first."""
         # drawn and left: a seed has the same drift with and without lock-in amplifiers
         Analyser().read(bench, answers, rng, seed)
@@ -93,7 +93,7 @@ class LockIns(Instrument):
         put(tables, "experiments", experiments, "referred to drive and gain of the sweep")
         with_offsets(tables)
 
-    def columns(self, reading: Reading) -> dict[str, Cell]:
+    def columns(self, reading: Answer) -> dict[str, Cell]:
         """Time, mode, peaks and standard deviations."""
         time, output = float(reading.arrays["time_min"]), OUTPUTS[reading.observed]
         return {"time (min)": time, "output": output, **peak_columns(reading, PEAKS, SIGMAS)}

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.lab.bench import Answer, Bench, Cell, Instrument, Reading
+from fitting.lab.bench import Answer, Bench, Cell, Instrument
 from fitting.lab.instruments.peaks import peak_columns, peak_table
 from fitting.text.toml import Tables, put
 
@@ -37,7 +37,7 @@ class Markers(Instrument):
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
-    ) -> tuple[Reading, ...]:
+    ) -> tuple[Answer, ...]:
         """|X (1 + r) + n|: noise n of one floor for all of them, r of the repeatability."""
         waves = np.array([answer.lines_v for answer in answers])
         floor = bench.noise(rng, waves.size).reshape(waves.shape)
@@ -53,6 +53,6 @@ class Markers(Instrument):
         """Ready peaks and their standard deviations, in columns."""
         put(tables, "experiments", peak_table(tables["experiments"]["file"], PEAKS, SIGMAS))
 
-    def columns(self, reading: Reading) -> dict[str, Cell]:
+    def columns(self, reading: Answer) -> dict[str, Cell]:
         """Peaks and standard deviations."""
         return peak_columns(reading, PEAKS, SIGMAS)

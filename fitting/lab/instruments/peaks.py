@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from fitting.lab.bench import Cell, Reading
+from fitting.lab.bench import Answer, Cell
 
 
-def peak_columns(reading: Reading, peaks: Sequence[str], sigmas: Sequence[str]) -> dict[str, Cell]:
+def peak_columns(reading: Answer, peaks: Sequence[str], sigmas: Sequence[str]) -> dict[str, Cell]:
     """Cells by header, of peaks and then of their standard deviations, in microvolts.
 
     Args:

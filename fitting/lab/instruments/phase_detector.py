@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lab.bench import OUTPUTS, Answer, Bench, Cell, Instrument, Reading
+from fitting.lab.bench import OUTPUTS, Answer, Bench, Cell, Instrument
 from fitting.lab.instruments.analyser import Analyser
 from fitting.lab.instruments.lock_in import PAUSE_MIN, check_noise, with_offsets
 from fitting.text.toml import Tables, put
@@ -42,7 +42,7 @@ class PhaseDetectors(Instrument):
 
     def read(
         self, bench: Bench, answers: Sequence[Answer], rng: np.random.Generator, seed: int
-    ) -> tuple[Reading, ...]:
+    ) -> tuple[Answer, ...]:
         """X exp(i reference) (1 + r), r complex of the relative noise, the observed mode first."""
         # drawn and left: a seed has the same drift whatever instrument reads the series
         Analyser().read(bench, answers, rng, seed)
@@ -81,7 +81,7 @@ class PhaseDetectors(Instrument):
         put(tables, "experiments", experiments, "referred to drive and gain of the sweep")
         with_offsets(tables)
 
-    def columns(self, reading: Reading) -> dict[str, Cell]:
+    def columns(self, reading: Answer) -> dict[str, Cell]:
         """Time, mode, both quadratures and their standard deviations."""
         found: dict[str, Cell] = {
             "time (min)": float(reading.arrays["time_min"]),
