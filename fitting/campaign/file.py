@@ -20,7 +20,7 @@ from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
 from fitting.campaign.other_kinds import other_kind
 from fitting.campaign.parameters import ParameterTable
-from fitting.fmu.accuracy import AccuracyNames
+from fitting.fmu.accuracy import AccuracyNames, Reduction
 from fitting.lines.names import ADDED, BACKGROUNDS
 from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
@@ -544,26 +544,6 @@ class ContinuationSettings(Continuation):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenReduction(Keys):
-    """Start values that make the FMU cheaper, and the output that bounds what that leaves out."""
-
-    name: Text
-    """How it is called in the plan."""
-    set: Mapping[str, Value]
-    """Start values that make the FMU cheaper."""
-    bound: Text | None = None
-    """FMU output that bounds what is left out; {output} is the observed one."""
-    start: Switch = False
-    """Whether it sets the start state alone, and the model is whole."""
-    cost: Positive = 0.5
-    """Part of a run's work that is left, where processor time is not reported."""
-
-    def __post_init__(self) -> None:
-        if not self.set:
-            raise Refused("is empty, wanted start values of the FMU", "set")
-
-
-@dataclass(frozen=True, kw_only=True)
 class WrittenAccuracy(AccuracyNames):
     """How accurate amplitudes must be, and what may be left out for it.
 
@@ -576,7 +556,7 @@ class WrittenAccuracy(AccuracyNames):
     full: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the model with nothing left out."""
     reductions: Annotated[
-        tuple[WrittenReduction, ...], listed("[[accuracy.reductions]] tables", least=0)
+        tuple[Reduction[Value], ...], listed("[[accuracy.reductions]] tables", least=0)
     ] = ()
     """Ways to leave something out, which a plan may take."""
 

@@ -17,17 +17,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from fitting.fmu.description import INTEGRATOR_TOLERANCE, READERS, FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.keys import Keys, Text, Texts
+from fitting.text.keys import Keys, Positive, Refused, Switch, Text, Texts
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 TOOL = "fmu-fit"
+#: A start value as it is written, or as the FMU takes it.
+Setting = TypeVar("Setting", covariant=True)
 PLACES = (
     f"VendorAnnotations/Tool[@name='{TOOL}']/Accuracy",
     f"Annotations/Annotation[@type='{TOOL}']/Accuracy",
@@ -35,33 +37,26 @@ PLACES = (
 
 
 @dataclass(frozen=True)
-class Reduction:
-    """Start values under which the FMU computes less than it could.
+class Reduction(Keys, Generic[Setting]):
+    """Start values that make the FMU cheaper, and the output that bounds what that leaves out."""
 
-    `bound` names an FMU output that bounds the relative error, "{output}" in it standing for the
-    output that is read; without it the error is measured. `start`: the start state alone is set and
-    the model is whole, so that nothing is left out where the orbit closes. `cost` is the part
-    of a run's work that is left by it, by the FMU's own statement, at equal steps: a guess where
-    processor time is not reported.
+    # without a bound the error is measured; with start nothing is left out where the orbit closes
 
-    Raises:
-        BadInput: no name, nothing that is set, or a cost that is not positive.
-    """
-
-    name: str
-    set: Mapping[str, Scalar]
+    name: Text
+    """How it is called in the plan."""
+    set: Mapping[str, Setting]
+    """Start values that make the FMU cheaper."""
     _: KW_ONLY
-    bound: str | None = None
-    cost: float = 0.5
-    start: bool = False
+    bound: Text | None = None
+    """FMU output that bounds what is left out; {output} is the observed one."""
+    start: Switch = False
+    """Whether it sets the start state alone, and the model is whole."""
+    cost: Positive = 0.5
+    """Part of a run's work that is left, where processor time is not reported."""
 
     def __post_init__(self) -> None:
-        if not (self.name and self.set):
-            raise BadInput(f"reduction {self.name!r}: wanted a name and values to set")
-        if not 0.0 < self.cost < math.inf:
-            raise BadInput(
-                f"reduction {self.name!r}: its cost is {self.cost!r}, wanted a positive number"
-            )
+        if not self.set:
+            raise Refused("is empty, wanted start values of the FMU", "set")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +87,7 @@ class AccuracyAnnotation(AccuracyNames):
     """
 
     full: Mapping[str, Scalar] = field(default_factory=dict)
-    reductions: tuple[Reduction, ...] = ()
+    reductions: tuple[Reduction[Scalar], ...] = ()
 
     def __post_init__(self) -> None:
         names = [r.name for r in self.reductions]
@@ -171,10 +166,15 @@ def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
             raise BadInput(
                 f"{where} declares cost = {cost!r} of the reduction {name!r}, wanted a number"
             ) from None
+        values = settings(part)
+        if not (name and values):
+            raise BadInput(f"reduction {name!r}: wanted a name and values to set")
+        if not 0.0 < share < math.inf:
+            raise BadInput(f"reduction {name!r}: its cost is {share!r}, wanted a positive number")
         reductions.append(
             Reduction(
                 name,
-                settings(part),
+                values,
                 bound=part.get("bound"),
                 cost=share,
                 start=part.get("start") == "true",

@@ -485,7 +485,7 @@ class _Planner:
         return settings
 
     def _reduction(
-        self, settings: dict[str, Scalar], reduction: Reduction, left: float
+        self, settings: dict[str, Scalar], reduction: Reduction[Scalar], left: float
     ) -> Decision:
         """Whether a reduction is taken: an evaluation gets cheaper by it, and its error fits."""
         if reduction.name in self.annotation.forbid:
@@ -511,7 +511,7 @@ class _Planner:
         return with_numbers(decision, times_cheaper=roughly(1.0 / part))
 
     @staticmethod
-    def _closes(reduction: Reduction, after: Settled) -> bool:
+    def _closes(reduction: Reduction[Scalar], after: Settled) -> bool:
         """Whether a reduction is an exact start: of the state alone, and its orbit closes."""
         return reduction.start and after.steady and after.settle_s == 0.0
 
@@ -519,7 +519,7 @@ class _Planner:
         self,
         settings: Mapping[str, Scalar],
         reduced: Mapping[str, Scalar],
-        reduction: Reduction,
+        reduction: Reduction[Scalar],
         after: Settled,
     ) -> float:
         """Processor time of an evaluation with a reduction, over that without it.
@@ -539,7 +539,7 @@ class _Planner:
         return counted if ratio is None else ratio
 
     def _effect(
-        self, settings: dict[str, Scalar], reduction: Reduction, after: Settled
+        self, settings: dict[str, Scalar], reduction: Reduction[Scalar], after: Settled
     ) -> Decision:
         """A reduction with its bound: what the FMU states, else the change that it makes.
 
@@ -570,7 +570,7 @@ class _Planner:
         """Whether a settled run costs more than allowed."""
         return self._work(settings) > self.options.work
 
-    def _bound_outputs(self, reduction: Reduction) -> list[str]:
+    def _bound_outputs(self, reduction: Reduction[Scalar]) -> list[str]:
         """Outputs that bound a reduction, for what is read; none where the FMU has not all."""
         if reduction.bound is None:
             return []
@@ -578,7 +578,7 @@ class _Planner:
         names = sorted({reduction.bound.replace("{output}", name) for name in outputs})
         return names if all(name in self.variables for name in names) else []
 
-    def _changes(self, settings: Mapping[str, Scalar], reduction: Reduction) -> bool:
+    def _changes(self, settings: Mapping[str, Scalar], reduction: Reduction[Scalar]) -> bool:
         """Whether a reduction sets anything that is not so already."""
         return any(
             {**drive.start_values, **settings}.get(name) != value

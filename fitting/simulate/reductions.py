@@ -10,7 +10,7 @@ from fitting.simulate.budget import Basis, Decision, Kind
 from fitting.text.arrays import Scalar
 
 
-def model_decision(reduction: Reduction, basis: Basis, bound: float) -> Decision:
+def model_decision(reduction: Reduction[Scalar], basis: Basis, bound: float) -> Decision:
     """A decision on a reduction that is taken; its numbers are to be added.
 
     Args:
@@ -47,7 +47,7 @@ def not_taken(decision: Decision, *, forced: bool = False) -> Decision:
     return replace(decision, taken=False, forced=forced)
 
 
-def forbidden(reduction: Reduction) -> Decision:
+def forbidden(reduction: Reduction[Scalar]) -> Decision:
     """The decision on what the user forbade.
 
     Args:
@@ -64,7 +64,7 @@ def forbidden(reduction: Reduction) -> Decision:
     )
 
 
-def no_cheaper(reduction: Reduction) -> Decision:
+def no_cheaper(reduction: Reduction[Scalar]) -> Decision:
     """The decision on what saves nothing, whose error was not looked for.
 
     Args:
@@ -92,7 +92,7 @@ def roughly(ratio: float) -> float:
     return min((2.0, *(10.0**k for k in range(1, 13))), key=lambda x: abs(math.log(x / ratio)))
 
 
-def refused(reduction: Reduction, message: str) -> Decision:
+def refused(reduction: Reduction[Scalar], message: str) -> Decision:
     """The decision on what the FMU does not do.
 
     Args:
