@@ -88,24 +88,35 @@ def first_steps(spacing_s: float, own_s: float | None) -> tuple[int, float]:
 
 @dataclass(frozen=True)
 class StepRuns:
-    """Runs of a trace at some parameters: ``driven`` under its input, and ``others``."""
+    """Runs of a trace at some parameters: ``driven`` under its input, and ``others``.
 
-    driven: Sequence[FloatArray]
+    ``changed`` is what they changed of the runs of longer steps, over the largest value, and
+    ``bound`` that of the error of those.
+    """
+
+    driven: Sequence[FloatArray] = ()
     others: Sequence[FloatArray] = ()
+    changed: float = 0.0
+    bound: float = np.inf
 
     @property
     def count(self) -> int:
         """How many runs."""
         return len(self.driven) + len(self.others)
 
-    def change(self, finer: StepRuns) -> float:
-        """The largest change to runs of shorter steps, over the largest value.
+    def then(self, finer: StepRuns) -> StepRuns:
+        """Runs of shorter steps, with what they show of these; as they are where these are none.
 
         Args:
             finer: the same runs.
         """
+        if not self.count:
+            return finer
         before, after = (*self.driven, *self.others), (*finer.driven, *finer.others)
-        return max(map(_change, before, after))
+        change = max(map(_change, before, after))
+        rho = max(0.5, change / self.changed) if self.changed > 0.0 else 0.5
+        bound = change / (1.0 - rho) if rho < STALLED else UNKNOWN * change
+        return replace(finer, changed=change, bound=bound)
 
     def extrapolated(self, finer: StepRuns) -> StepRuns:
         """The finer runs, those under the input without the second power of the step.
@@ -114,24 +125,6 @@ class StepRuns:
             finer: the same runs, of half the step.
         """
         return StepRuns(list(map(extrapolated, self.driven, finer.driven)), finer.others)
-
-
-@dataclass(frozen=True)
-class _Found:
-    """The finest runs, ``seen``, what they changed, and the bound of those before them."""
-
-    seen: StepRuns
-    change: float = 0.0
-    bound: float = np.inf
-
-    def then(self, finer: StepRuns) -> _Found:
-        """What finer runs say of these; nothing where there are none."""
-        if not (self.seen.driven or self.seen.others):
-            return _Found(finer)
-        change, last = self.seen.change(finer), self.change
-        rho = max(0.5, change / last) if last > 0.0 else 0.5
-        bound = change / (1.0 - rho) if rho < STALLED else UNKNOWN * change
-        return _Found(finer, change, bound)
 
 
 def extrapolated(coarse: FloatArray, fine: FloatArray) -> FloatArray:
@@ -155,13 +148,13 @@ def planned_steps(
         wanted: largest error, relative to the largest value.
         samples: of a run.
     """
-    steps, one = plan.per_sample, _Found(simulated(plan.per_sample))
-    two = _Found(StepRuns(()))
-    runs = one.seen.count
+    steps, one = plan.per_sample, simulated(plan.per_sample)
+    two = StepRuns()
+    runs = one.count
     for _ in range(MOST_HALVINGS):
         finer = simulated(2 * steps)
         runs += finer.count
-        both = one.seen.extrapolated(finer)
+        both = one.extrapolated(finer)
         one, two = one.then(finer), two.then(both)
         if min(one.bound, two.bound) <= wanted or 4 * steps * samples > MOST_STEPS:
             break
@@ -174,7 +167,7 @@ def planned_steps(
         plan,
         per_sample=steps,
         bound=found.bound,
-        change=found.change,
+        change=found.changed,
         runs=runs,
         extrapolated=pair,
     )

@@ -171,7 +171,7 @@ class Survey(Generic[T]):
         settings = {**plan.settings, name: COARSER * within}
         coarse = replace(self, model=replace(self.model, plan=replace(plan, settings=settings)))
         here = self._simulated(points[:1], steps.per_sample)
-        change = coarse._simulated(points[:1], steps.per_sample).change(here)
+        change = coarse._simulated(points[:1], steps.per_sample).then(here).changed
         runs = steps.runs + 2 * here.count
         return replace(steps, runs=runs, bound=steps.bound + LEFT * change)
 
