@@ -1,16 +1,17 @@
-"""All that a doctor tries on a running FMU, as far as it goes."""
+"""All that is tried on a running FMU, as far as it goes, and what its runs cost here."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
-from fitting.check.costs import Costs, measure_costs, repeated_steps
 from fitting.check.inputs import InputEffect, try_inputs
 from fitting.check.resets import Resets, try_longer, try_resets
-from fitting.check.runs import pushed_run
+from fitting.check.runs import STEPS, pushed_run, tried
 from fitting.check.steps import Repeatability, Trial, take_trial, try_freeing, try_repeats
-from fitting.extension.fmu import FmuWorkers
+from fitting.extension.fmu import FmuWorkers, Run
 from fitting.text.arrays import Scalar
 from fitting.text.errors import FmuFailure
 
@@ -65,3 +66,84 @@ def examine(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) ->
         effects=effects,
         failure=failure,
     )
+
+
+#: Processor time that a measured batch takes about, s, and its steps or runs at most.
+BATCH_S = 0.05
+MOST_STEPS, MOST_RUNS, MOST_NEW = 20_000, 400, 40
+BATCHES = 3
+#: Steps in which it is tried how well outputs repeat, at most and at least.
+MOST_REPEATED, LEAST_REPEATED = 256, 16
+#: Processor time that one of these runs may take, s.
+REPEATED_S = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Costs:
+    """Processor time of a step and of the start of a run, s, and bytes that every run leaves.
+
+    ``anew``: every run has a new instance, none is reset. ``bytes_per_run`` is NaN where the
+    system does not tell, or a new process has taken over meanwhile.
+    """
+
+    step_s: float
+    start_s: float
+    bytes_per_run: float
+    anew: bool
+
+
+def repeated_steps(costs: Costs) -> int:
+    """Steps in which repeating is tried, a power of four, so that a busy machine is no other one.
+
+    Args:
+        costs: measured.
+    """
+    steps = MOST_REPEATED
+    while steps > LEAST_REPEATED and steps * costs.step_s > REPEATED_S:
+        steps //= 4
+    return steps
+
+
+def measure_costs(workers: FmuWorkers, run: Run) -> Costs:
+    """Measure what steps and starts cost.
+
+    Args:
+        workers: one process that runs the FMU, whose resets have been tried.
+        run: some steps that went well (`pushed_run`).
+
+    Raises:
+        FmuFailure: a run did not end in its time, or one that went well before now fails.
+    """
+    first = _spent(workers, [run])
+    anew = workers.reused is not True
+    most = MOST_NEW if anew else MOST_RUNS
+    if anew and workers.description.one_instance_per_process:
+        most = 1  # each is a process of its own
+    count = min(most, max(1, int(BATCH_S / max(first, 1e-9))))
+    runs = [replace(run, samples=1)] * count
+    _spent(workers, runs)
+    processes, memory = workers.counts.processes, [workers.memory_bytes]
+    start_s = math.inf
+    for _ in range(BATCHES):
+        start_s = min(start_s, _spent(workers, runs) / count)
+        memory.append(workers.memory_bytes)
+    is_known = memory[0] > 0 and workers.counts.processes == processes
+    left = min(b - a for a, b in pairwise(memory)) / count  # memory is taken in pages
+    each = max((first - start_s) / (run.samples - 1), 1e-7)
+    steps = min(MOST_STEPS, max(STEPS, int(BATCH_S / each)))
+    before = workers.counts
+    long = tried(workers, [replace(run, samples=steps + 1)])  # it may end before that
+    spent = workers.counts.processor_s - before.processor_s
+    return Costs(
+        step_s=max(0.0, (spent - start_s) / steps if long else each),
+        start_s=start_s,
+        bytes_per_run=max(0.0, left) if is_known else math.nan,
+        anew=anew,
+    )
+
+
+def _spent(workers: FmuWorkers, runs: list[Run]) -> float:
+    """Processor time of runs, s."""
+    before = workers.counts
+    workers.run(runs)
+    return workers.counts.processor_s - before.processor_s

@@ -14,8 +14,7 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import status_line
 from fitting.cli.running.results import writes
-from fitting.cli.words.again import command_line
-from fitting.cli.words.earlier_fit import add_at, fit_at
+from fitting.cli.words.again import add_at, command_line, fit_at
 from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
 from fitting.text.results_folder import remove_earlier
 

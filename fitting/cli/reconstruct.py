@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fitting.api.choices import BUDGET, ESTIMATORS, EVALUATIONS, FORMATS, MISFITS, STYLES
 from fitting.api.written import LEVELS_FILE, RESULT_FILES
-from fitting.cli.running.laps import Laps
+from fitting.cli.running.progress import Laps
 from fitting.cli.running.results import writes
 from fitting.cli.words.drive import add_isolate
 from fitting.cli.words.values import (

@@ -6,7 +6,7 @@ from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import reading, status_line
 from fitting.cli.running.results import writes
-from fitting.cli.words.again import command_again, command_line
+from fitting.cli.words.again import add_at, command_again, command_line, fit_at
 from fitting.cli.words.columns import add_columns, columns_of
 from fitting.cli.words.drive import (
     add_fmu,
@@ -16,7 +16,6 @@ from fitting.cli.words.drive import (
     complaints_of_options,
     fmu_of,
 )
-from fitting.cli.words.earlier_fit import add_at, fit_at
 from fitting.cli.words.values import (
     bounded_number,
     default_workers,

@@ -10,11 +10,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from fitting.lab.drive import Drive
-from fitting.lab.sample import Sample
 from fitting.lab.string import TwoModes
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.toml import Tables
@@ -357,3 +357,31 @@ def _measured(
         eta_before_hz=(before.eta_plus_hz + error[0], before.eta_minus_hz + error[1]),
         eta_after_hz=(after.eta_plus_hz + error[2], after.eta_minus_hz + error[3]),
     )
+
+
+class Sample(Protocol):
+    """Two coupled modes at some moment."""
+
+    @property
+    def modes(self) -> TwoModes:
+        """Their linear part."""
+        ...
+
+    def shifted(self, shift_hz: float) -> Sample:
+        """The same sample, both eigenfrequencies higher by so much.
+
+        Args:
+            shift_hz: by which both resonances move, Hz.
+        """
+        ...
+
+    def amplitudes(self, drive: Drive) -> ComplexArray:
+        """Complex amplitudes (lines, 2) of both modes at the lines that the drive reads.
+
+        Args:
+            drive: tones and amplitudes that drive.
+
+        Raises:
+            ValueError: no steady state.
+        """
+        ...

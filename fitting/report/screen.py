@@ -6,11 +6,14 @@ first column. Lines are as long as the terminal is wide (`fitting.report.table.c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fitting.report.assumptions import alone_of, shifts_of
+from fitting.campaign.laws import in_base
+from fitting.inference.checks.assumptions import SHIFT
+from fitting.inference.checks.solutions import ALONE
 from fitting.report.table import (
     Table,
     columns,
@@ -19,7 +22,10 @@ from fitting.report.table import (
     text_lines,
     wrapped,
 )
+from fitting.result.result import Result
+from fitting.text.finding import Finding
 from fitting.text.once import made_once
+from fitting.text.rendering import with_prefix
 from fitting.text.sentences import sentence
 
 #: Columns before the text of an entry, between values in a line, and values in a line at most.
@@ -177,3 +183,37 @@ def lines_of(table: Table) -> str:
         table: of records.
     """
     return "\n".join(f"  {line}" for line in text_lines(table))
+
+
+#: Share of a standard error from which a shift is listed.
+LEAST = 0.1
+
+
+def shifts_of(result: Result, finding: Finding) -> list[str]:
+    """Values that an assumption would shift, derived ones first: "lambda by +32 kHz".
+
+    Args:
+        result: of a reconstruction.
+        finding: an assumption with its shifts in SI units.
+    """
+    shifts = []
+    for name, value in {**result.derived, **result.parameters}.items():
+        shift = finding.numbers.get(f"{SHIFT}{name}", math.nan) / in_base(value.unit, name)[0]
+        if abs(shift) >= LEAST * value.std:
+            shifts.append(f"{name} by {with_prefix(shift, value.unit, 2, signed=True)}")
+    return shifts
+
+
+def alone_of(result: Result, finding: Finding) -> list[str]:
+    """Errors of parameters with the other one of a pair known: "d1 to 1.2 Hz".
+
+    Args:
+        result: of a reconstruction.
+        finding: a combination with its errors in SI units.
+    """
+    errors = {n: finding.numbers.get(f"{ALONE}{n}") for n in result.parameters}
+    return [
+        f"{n} to {with_prefix(e / in_base(p.unit, n)[0], p.unit, 2)}"
+        for n, p in result.parameters.items()
+        if (e := errors[n]) is not None
+    ]

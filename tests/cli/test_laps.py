@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fitting.cli.main import main
-from fitting.cli.running.laps import Laps
+from fitting.cli.running.progress import Laps
 from tests.support.small_campaign import small_campaign
 
 

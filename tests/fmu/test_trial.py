@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting.check.costs import Costs, measure_costs, repeated_steps
-from fitting.check.examination import Examination, examine
+from fitting.check.examination import Costs, Examination, examine, measure_costs, repeated_steps
 from fitting.check.findings import Severity, rule_findings, trial_findings
 from fitting.check.inputs import try_inputs
 from fitting.check.resets import try_resets

@@ -16,9 +16,8 @@ from fitting.api.problem import Campaign
 from fitting.api.written import RESULT_FILES
 from fitting.cli.running.campaign_fmu import fmu_for
 from fitting.cli.running.interrupts import to_the_end
-from fitting.cli.running.laps import Laps
 from fitting.cli.running.output import hand_over
-from fitting.cli.running.progress import status_line
+from fitting.cli.running.progress import Laps, status_line
 from fitting.cli.running.remaining import Remaining, counted
 from fitting.cli.words.again import command_again, command_line
 from fitting.report.details import detail_lines

@@ -18,9 +18,8 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter
 from fitting.measurements.complex.curve import ComplexCurve
-from fitting.measurements.complex.figure import complex_figure
+from fitting.measurements.complex.figure import complex_figure, complex_maps
 from fitting.measurements.complex.gain import SharedGain, Solved
-from fitting.measurements.complex.maps import complex_maps
 from fitting.measurements.dip import dip_qualities
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure

@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 from scipy.constants import Boltzmann
-from scipy.special import digamma, gammaincinv
+from scipy.special import digamma, gammaincinv, polygamma
 
-from fitting.measurements.noise.averages import averages_seen
 from fitting.measurements.record import Curve, Record
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -302,3 +301,26 @@ class NoiseRecord(Record, Curve):
         deviance = 2.0 * self.count * (np.expm1(logarithm) - logarithm)
         table = -np.sign(logarithm) * np.sqrt(np.maximum(deviance, 0.0))
         return np.asarray(self.y / np.exp(np.interp(-rows, -table, logarithm)))
+
+
+#: Median of |x| over its standard deviation, of a normal x.
+MEDIAN = 0.6744897501960817
+#: Averages that are looked for.
+MOST, KNOTS = 1e7, 2000
+
+
+def averages_seen(density: FloatArray) -> float:
+    """How many periodograms were averaged, 1 or more, from how a density scatters.
+
+    The logarithm of an average of M periodograms has the variance psi'(M); of second differences of
+    neighbours that are independent it is six times as much, whatever the spectrum does slowly. The
+    median of their sizes does not see the few points at a line.
+
+    Args:
+        density: at points that scatter independently, (n,), above zero.
+    """
+    bent = np.diff(np.log(density), 2)
+    variance = (float(np.median(np.abs(bent))) / MEDIAN) ** 2 / 6.0
+    counts = np.geomspace(1.0, MOST, KNOTS)
+    falling = polygamma(1, counts)
+    return float(np.exp(np.interp(-variance, -falling, np.log(counts))))

@@ -13,6 +13,7 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
 from fitting.fmu.variables import VariableLike
+from fitting.measurements.record_table import TimeTable
 from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
     FIT,
@@ -24,7 +25,6 @@ from fitting.measurements.traces.record import (
     TraceRecord,
 )
 from fitting.measurements.traces.time_record import FIRST, FOUND
-from fitting.measurements.traces.time_table import TimeTable
 from fitting.measurements.traces.traces import Traces
 from fitting.measurements.traces.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
 from fitting.text.arrays import FloatArray
