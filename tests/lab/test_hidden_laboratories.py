@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 from tests.bench.bench_hidden import KINDS, read
 from tests.support.hidden import joint
-from tests.support.hidden.judge import _Answer, _false, _said
+from tests.support.hidden.judge import _Answer, _false, _said, judged
 from tests.support.hidden.laboratory import NOISE
 from tests.support.hidden.motion import TWO_PI, chain, hybrid
 
@@ -137,6 +137,18 @@ def test_false_statements_are_told_by_their_sort(
     )
     statements = tuple(_said(one, said.result))
     assert [sort for sort, _ in _false(one, said, statements, seen)] == sorts
+
+
+#: Joint fits of which something false was said once: a contradiction called outliers, a cause that
+#: is none; and an outlier that is one.
+ONCE_FALSE = (1005, 1014, 1018, 1041)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", ONCE_FALSE)
+def test_nothing_false_is_said_any_more(seed: int, swift_fmu: Path) -> None:
+    found = judged(joint.laboratory(seed), swift_fmu)
+    assert found.false == ()
 
 
 def test_a_record_is_read_as_it_was_kept() -> None:

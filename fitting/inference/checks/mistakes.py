@@ -21,7 +21,7 @@ from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.objective import Objective
 from fitting.fit.solution import Solution
-from fitting.inference.checks.curve_mistakes import curve_mistake, solved_inside
+from fitting.inference.checks.curve_mistakes import MOST_LEFT, curve_mistake, solved_inside
 from fitting.inference.joint import share_apart
 from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved
@@ -59,10 +59,11 @@ MOST_LEFT_READ = 0.1
 def check_peaks(solved: Solved) -> Iterator[Finding]:
     """Peaks whose studentised residual exceeds the campaign's threshold, if nothing explains it.
 
+    Values of its own for each campaign explain it where they leave little: they contradict then.
     Algorithm 2 counts relative deviations alike, whatever their noise, and misses the exact ones;
     least squares are drawn to what is far off. An outlier is one in both.
     """
-    if solved.causes:
+    if solved.causes or share_apart(solved.joint) <= MOST_LEFT:
         return
     solution, sigma = solved.solution, solved.noise.sigma
     fits = [
@@ -250,7 +251,7 @@ def _promised(solution: Solution, excluded: IntArray) -> float:
 
 def check_exchanged_peaks(solved: Solved) -> Iterator[Finding]:
     """Experiments whose peaks fit far better with two of them exchanged."""
-    if solved.causes:
+    if solved.causes or share_apart(solved.joint) <= MOST_LEFT:
         return
     sigmas = solved.problem.data.peaks_of_rows(solved.noise.sigma)
     peaks = solved.problem.data.peaks(solved.solution.final.scaled)
