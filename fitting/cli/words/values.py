@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from fitting.text.errors import BadInput, shown
 from fitting.text.units import checked_accuracy, convert, parse_quantity
@@ -15,6 +16,7 @@ from fitting.text.units import checked_accuracy, convert, parse_quantity
 MOST = 10**6
 MOST_SEED = 2**63 - 1
 LARGEST = 1e60
+Number = TypeVar("Number", int, float)
 
 
 def seed() -> Callable[[str], int]:
@@ -33,25 +35,38 @@ def worker_count() -> Callable[[str], int]:
     return read
 
 
-def whole_number(least: int, most: int = MOST) -> Callable[[str], int]:
-    """An argparse type: a whole number from ``least`` to ``most``."""
+def _number_of(
+    read: Callable[[str], Number], *rules: tuple[Callable[[Number], bool], str]
+) -> Callable[[str], Number]:
+    """An argparse type: a number for which all rules hold, each with what is wanted.
 
-    def read(text: str) -> int:
+    Args:
+        read: the text as a number; the first rule says what is wanted where it is none.
+        *rules: whether a number is allowed, and what is wanted, in words.
+    """
+
+    def number(text: str) -> Number:
+        wanted = rules[0][1]
         try:
-            value = int(text)
+            value = read(text)
+            broken = (words for holds, words in rules if not holds(value))
+            wanted = next(broken, "")
         except ValueError:
-            value = least - 1
-        if value < least:
-            raise argparse.ArgumentTypeError(
-                f"found {shown(text)}, wanted a whole number of at least {least}"
-            )
-        if value > most:
-            raise argparse.ArgumentTypeError(
-                f"found {shown(text)}, wanted a whole number of at most {most}"
-            )
+            pass
+        if wanted:
+            raise argparse.ArgumentTypeError(f"found {shown(text)}, wanted {wanted}")
         return value
 
-    return read
+    return number
+
+
+def whole_number(least: int, most: int = MOST) -> Callable[[str], int]:
+    """An argparse type: a whole number from ``least`` to ``most``."""
+    return _number_of(
+        int,
+        (lambda value: value >= least, f"a whole number of at least {least}"),
+        (lambda value: value <= most, f"a whole number of at most {most}"),
+    )
 
 
 def even_number(least: int) -> Callable[[str], int]:
@@ -60,44 +75,19 @@ def even_number(least: int) -> Callable[[str], int]:
     Args:
         least: an even number.
     """
-
-    def read(text: str) -> int:
-        value = whole_number(least)(text)
-        if value % 2:
-            raise argparse.ArgumentTypeError(
-                f"found {shown(text)}, wanted an even number of at least {least}"
-            )
-        return value
-
-    return read
+    even = (lambda value: value % 2 == 0, f"an even number of at least {least}")
+    return _number_of(whole_number(least), even)
 
 
-def bounded_number(text: str) -> float:
-    """An argparse type: a number that can be squared and cubed."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= LARGEST:
-        raise argparse.ArgumentTypeError(
-            f"found {shown(text)}, wanted a number from {-LARGEST:g} to {LARGEST:g}"
-        )
-    return value
-
-
-def number_of_steps(text: str) -> float:
-    """An argparse type: how many steps, as "2e6".
-
-    Args:
-        text: of the option.
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 1.0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f"found {shown(text)}, wanted a number of at least 1")
-    return value
+#: An argparse type: a number that can be squared and cubed.
+bounded_number = _number_of(
+    float,
+    (lambda value: abs(value) <= LARGEST, f"a number from {-LARGEST:g} to {LARGEST:g}"),
+)
+#: An argparse type: how many steps, as "2e6".
+number_of_steps = _number_of(
+    float, (lambda value: 1.0 <= value < math.inf, "a number of at least 1")
+)
 
 
 def relative_accuracy(option: str) -> Callable[[str], float]:
