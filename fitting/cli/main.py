@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with outlets() as output, interruptible(whole_process=arguments is None) as interrupts:
         try:
             code = _run(given, interrupts)
-        except KeyboardInterrupt:  # while it directed how the command ended
+        except KeyboardInterrupt:  # while it printed how the command ended
             code = _complain("interrupted", INTERRUPTED)
         interrupts.end()
         output.flush()
