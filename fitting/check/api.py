@@ -13,6 +13,7 @@ from fitting.check.findings import Finding, Severity, rule_findings, trial_findi
 from fitting.check.runs import trial_step_s
 from fitting.extension.fmu import FmuDescription, opened_fmu, validation_problems
 from fitting.extension.records import BoundCampaign, Campaign, bind, read_campaign
+from fitting.text.arguments import renamed
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.results_folder import remove_earlier, results_folder
 
@@ -115,11 +116,12 @@ def check(
     )
 
 
-def write_check(found: Check, out: str | Path) -> Path:
+@renamed
+def write_check(result: Check, out: str | Path) -> Path:
     """Write what was found as a page, report.html with its figure.
 
     Args:
-        found: What `check` returned.
+        result: What `check` returned.
         out: Folder, made where there is none.
 
     Returns:
@@ -131,6 +133,6 @@ def write_check(found: Check, out: str | Path) -> Path:
     # matplotlib takes a second to import: only where something is drawn
     report = importlib.import_module("fitting.check.report")
     with results_folder(Path(out), "check", FILES):
-        page: Path = report.write_report(found, Path(out))
+        page: Path = report.write_report(result, Path(out))
         remove_earlier(Path(out), FILES)
     return page

@@ -72,15 +72,15 @@ def lines_shown(line: LineValues | None, two: TwoLines | None, where: str) -> li
         two: or both; the place of each is off by no more than half the way to the other.
         where: what shows them, in words.
     """
-    found: list[tuple[str, float, float, float]] = []
+    result: list[tuple[str, float, float, float]] = []
     if line is not None:
         f, w = line.frequency.value, line.width.value
-        found = [(f"the line in the {where}", f, w, REACH * w)]
+        result = [(f"the line in the {where}", f, w, REACH * w)]
     elif two is not None:
         half = 0.5 * (two.frequency_hz[1] - two.frequency_hz[0])
         names = (f"the {each} line in the {where}" for each in ("lower", "upper"))
         pairs = zip(names, two.frequency_hz, two.width_hz, strict=True)
-        found = [(name, f, w, min(REACH * w, half)) for name, f, w in pairs]
+        result = [(name, f, w, min(REACH * w, half)) for name, f, w in pairs]
     return [
         Shown(
             frequency_hz=f,
@@ -89,7 +89,7 @@ def lines_shown(line: LineValues | None, two: TwoLines | None, where: str) -> li
             frequency_words=f"frequency of {name}",
             width_words=f"width of {name}",
         )
-        for name, f, w, reach in found
+        for name, f, w, reach in result
     ]
 
 
@@ -357,4 +357,4 @@ def _read(
         )
         for step in (0.0, STEP)
     ]
-    return [[float(number) for number in found[0]] for found in offer.workers.run(runs)]
+    return [[float(number) for number in result[0]] for result in offer.workers.run(runs)]

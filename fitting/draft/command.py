@@ -95,9 +95,9 @@ def run(args: argparse.Namespace) -> int:
     from fitting.extension.report import printed_lines
 
     same = ("output", "tone", "input", "fit", "kind", "interface", "control")
-    told = {name: getattr(args, name) for name in same}
-    told["demodulated-at"] = args.demodulated_at
-    told["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
+    given = {name: getattr(args, name) for name in same}
+    given["demodulated-at"] = args.demodulated_at
+    given["amplitudes"] = "peak" if args.peak else "rms" if args.rms else None
     ask = None if args.yes or not sys.stdin.isatty() else _ask
     # questions and a line that lives on the terminal do not go together
     with reading(NAME, args.files) if ask is None and args.files else nullcontext():
@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
             args.fmu,
             out=args.out,
             columns=columns_of(args),
-            told={name: value for name, value in told.items() if value is not None},
+            told={name: value for name, value in given.items() if value is not None},
             ask=ask,
         )
     measured, fmu = told_apart(args.files, args.fmu)

@@ -106,7 +106,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     }
     if not shared:
         start["g2"] = 0.0, "it drives mode 1 alone, a guess"
-    turned, delayed = phases_of(crossing, spectra, values) if values else (False, False)
+    rotated, delayed = phases_of(crossing, spectra, values) if values else (False, False)
     name = TABLES[file.roles.is_complex]
     of_whole_file(file.roles, name)
     measured: dict[str, Any] = {
@@ -121,7 +121,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
         if kind == "dBm":
             measured["impedance"] = noted(LOAD, "plays no part either")
     measured |= columns_of(file.roles)
-    measured |= phase_keys(turned=turned, delayed=delayed)
+    measured |= phase_keys(rotated=rotated, delayed=delayed)
     taken = "not measured: leave it out where you know it to be so"
     read = "what the detector reads: both modes" if shared else "what the detector sees: mode 1"
     tables: dict[str, Any] = {
@@ -140,7 +140,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
         tables["constants"] = {f"{control.name}_middle": noted(value, "laws count from here")}
     tables |= fitted_tables(boxes, searched=True)
     scatter = "of the simulation, relative: well below the scatter"
-    tables["accuracy"] = accuracy_table(crossing.left, scatter, held=False)
+    tables["accuracy"] = accuracy_table(crossing.left, scatter, kept=False)
     place = ""
     if crossing.place is not None:
         more = math.log10(max(10.0, abs(crossing.place) / spectra.half))

@@ -88,7 +88,7 @@ def draft_from(
     tables: Mapping[str, Any],
     offer: Offer,
     folder: Path,
-    said: Sequence[str],
+    stated: Sequence[str],
     frame: tuple[Sequence[str], str] = (HEAD, ""),
     undescribed: str = "",
 ) -> Draft:
@@ -100,7 +100,7 @@ def draft_from(
         tables: of the campaign.
         offer: the FMU.
         folder: of the campaign.
-        said: sentences on what was found, taken and guessed.
+        stated: sentences on what was found, taken and guessed.
         frame: remarks at the top, and at the end what becomes a table without its marks.
         undescribed: see `Draft`.
 
@@ -122,7 +122,7 @@ def draft_from(
             )
             raise BadInput(*(f"the draft does not suit: {each}" for each in errors)) from error
     head = (*head, *wrap(undescribed, HEAD_WIDTH))
-    return Draft(_text(tables, folder, head) + missing, tuple(said), undescribed)
+    return Draft(_text(tables, folder, head) + missing, tuple(stated), undescribed)
 
 
 def _text(tables: Mapping[str, Any], folder: Path | None, head: Sequence[str]) -> str:
@@ -228,7 +228,7 @@ def starts_words(boxes: Sequence[Box]) -> list[str]:
     return [str(blocks("draft/text").start(box)) for box in boxes]
 
 
-def accuracy_table(residual: float, remark: str, *, held: bool) -> dict[str, Any]:
+def accuracy_table(residual: float, remark: str, *, kept: bool) -> dict[str, Any]:
     """The accuracy of the simulation: a hundredth of the scatter, as a power of ten.
 
     From 1e-6 to 1e-4; with an input that is held over each step from 1e-5: no more can be promised.
@@ -236,9 +236,9 @@ def accuracy_table(residual: float, remark: str, *, held: bool) -> dict[str, Any
     Args:
         residual: relative scatter of the data; 0: unknown.
         remark: on it.
-        held: whether an input is driven.
+        kept: whether an input is driven.
     """
-    power = least = -5 if held else -6
+    power = least = -5 if kept else -6
     if residual > 0.0:
         power = min(max(math.floor(math.log10(residual / 100.0)), least), -4)
     return {"amplitude": noted(float(f"1e{power}"), remark)}

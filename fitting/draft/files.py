@@ -188,14 +188,14 @@ class Files:
     @property
     def describes_two(self) -> bool:
         """Whether a model of two modes describes these two; so it is, where none was looked at."""
-        found = next((s.modes for s in self.sweeps if s.two is not None), None)
-        return found is None or found.describes
+        result = next((s.modes for s in self.sweeps if s.two is not None), None)
+        return result is None or result.describes
 
     @property
     def modes(self) -> TwoModes | None:
         """What describes these two, where it is more than each of them by itself."""
-        found = next((s.modes for s in self.sweeps if s.two is not None), None)
-        return None if self.line is not None or found is None or found.kind == BESIDE else found
+        result = next((s.modes for s in self.sweeps if s.two is not None), None)
+        return None if self.line is not None or result is None or result.kind == BESIDE else result
 
 
 def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files:
@@ -217,17 +217,17 @@ def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files
     table = tables[0] if tables else None
     others = [path for path in paths if table is None or path != table.path]
     maps: list[MapFile] = []
-    told = [(path, _with_units(path, columns, answers)) for path in others]
-    for path, own in told:
+    given = [(path, _with_units(path, columns, answers)) for path in others]
+    for path, own in given:
         with contextlib.suppress(BadInput):  # its reader complains
             roles = roles_of(path, own)
-            if (found := map_in(roles)) is not None:
-                maps.append(MapFile(path=path, roles=roles, found=found))
+            if (result := map_in(roles)) is not None:
+                maps.append(MapFile(path=path, roles=roles, found=result))
     if maps and len(paths) > 1:
         raise maps[0].refused("wanted it without other files")
     if maps:
         return Files(sweeps=(), map=maps[0])
-    sweeps = tuple(gathered([partial(_sweep, path, own) for path, own in told]))
+    sweeps = tuple(gathered([partial(_sweep, path, own) for path, own in given]))
     if table is None:
         return Files(sweeps=sweeps)
     labels = [label for label in table.labels if label]
@@ -259,12 +259,12 @@ def _with_units(path: Path, columns: Columns, answers: Answers) -> Columns:
         untold = units_untold(path, columns)
     except BadInput:
         return columns  # its reader complains
-    told: dict[str, Any] = {}
+    given: dict[str, Any] = {}
     for key, name in untold.items():
         flag, words = key.replace("_", "-"), f"{path.name}: in which unit is column '{name}'?"
         question = Question(key=flag, words=words, options=UNITS[key], default=(), why="")
-        [told[key]] = answers.of(question)
-    return replace(columns, **told)
+        [given[key]] = answers.of(question)
+    return replace(columns, **given)
 
 
 def _sweep(path: Path, columns: Columns) -> SweepFile:
@@ -312,7 +312,7 @@ def settled(files: Files, answers: Answers) -> Files:
     if files.table is not None:
         _check_one_sweep([s for s in files.sweeps if not s.is_complex])
         return files
-    told = "kind" in answers.told
+    given = "kind" in answers.told
     made = []
     for sweep in files.sweeps:
         look, kind = sweep.noise, SWEEP
@@ -321,9 +321,9 @@ def settled(files: Files, answers: Answers) -> Files:
                 f"--kind {NOISE}: {sweep.path} cannot be one; wanted a table with a unit of its "
                 "frequencies, which rise, and amplitudes or densities above zero"
             )
-        if look is not None and look.is_sure and not told:
+        if look is not None and look.is_sure and not given:
             kind = NOISE
-        elif look is not None and (told or look.by):
+        elif look is not None and (given or look.by):
             [kind] = answers.of(kind_question(sweep.path.name, look))
         made.append(sweep.as_noise() if kind == NOISE else sweep)
     _check_one_sweep([s for s in made if not (s.is_complex or s.is_noise)])

@@ -121,9 +121,9 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
     plain = roles.recognised.layout == PLAIN and table.find(channel.name) is not None
     if not plain or frequency is None or frequency.unit is None:
         return None  # no table of text whose frequencies have a unit in their header
-    told = told_density(roles)
-    if told is not None:
-        return _look(told.density, frequency_hz, told.by, told.holds)
+    given = told_density(roles)
+    if given is not None:
+        return _look(given.density, frequency_hz, given.by, given.holds)
     numbers = roles.recording.numbers(channel)
     if np.any(numbers < 0.0) and not (channel.unit or "").startswith("dB"):
         return None
@@ -131,11 +131,11 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
 
 
 def _look(density: Density, frequency_hz: FloatArray, by: str, holds: str) -> NoiseLook | None:
-    found = density.numbers
-    if not np.all(np.isfinite(found)) or np.any(found <= 0.0):
+    result = density.numbers
+    if not np.all(np.isfinite(result)) or np.any(result <= 0.0):
         return None
     try:
-        lines = noise_lines(frequency_hz, found)
+        lines = noise_lines(frequency_hz, result)
     except ValueError:  # of a line that is not resolved nothing can be drafted
         lines = None
     return NoiseLook(lines=lines, by=by, holds=holds, is_root=density.is_root)
@@ -189,14 +189,14 @@ def kind_question(name: str, look: NoiseLook) -> Question:
         name: of the file.
         look: what it shows if it is a noise spectrum.
     """
-    seen = look.by == BY_SCATTER
+    observed = look.by == BY_SCATTER
     return Question(
         key="kind",
         words=f"{name}: is it a noise spectrum without a drive, or a sweep of amplitudes?",
         options=KINDS,
-        default=(NOISE,) if seen else (SWEEP,),
+        default=(NOISE,) if observed else (SWEEP,),
         why=f"a guess: its points scatter by the same share of themselves everywhere, as "
         f"the {look.column} of noise does"
-        if seen
+        if observed
         else "neither unit, name nor scatter indicates noise",
     )

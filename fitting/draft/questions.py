@@ -72,15 +72,15 @@ class Answers:
         if self.told.get(key):
             return self._checked(question, self.told[key], f"--{key}")
         if self.ask is not None and (len(question.options) > 1 or question.unit):
-            asked, refused = question, BadInput()
+            requested, refused = question, BadInput()
             for _ in range(MOST_ASKED):
-                answer = self.ask(asked)
+                answer = self.ask(requested)
                 if not answer:
                     break
                 try:
                     return self._checked(question, answer, key, listed_too=False)
                 except BadInput as error:
-                    asked, refused = replace(question, words=f"{error}"), error
+                    requested, refused = replace(question, words=f"{error}"), error
             else:
                 raise refused
         if not question.default:
@@ -93,8 +93,8 @@ class Answers:
                 wanted += "another variable with a start value, that is a Real number"
             raise BadInput(f"--{key}: {wanted}")
         others = any(name not in question.default for name in question.options)
-        said = blocks("draft/text").default(key, question.default, question.why, others)
-        self.said.append(str(said))
+        stated = blocks("draft/text").default(key, question.default, question.why, others)
+        self.said.append(str(stated))
         return question.default
 
     def one_of(self, key: str, words: str, options: tuple[str, ...], default: str, why: str) -> str:
@@ -123,12 +123,12 @@ class Answers:
         if question.unit:
             text = " ".join(answer)
             value, unit = parse_quantity(text, where=where, wanted=question.unit)
-            found = value if unit is None else convert(value, unit, question.unit, where=where)
-            if not 0.0 < found < math.inf:
+            result = value if unit is None else convert(value, unit, question.unit, where=where)
+            if not 0.0 < result < math.inf:
                 raise BadInput(
                     f"{where}: found '{text}', wanted a positive quantity in {question.unit}"
                 )
-            taken = (repr(found),)
+            taken = (repr(result),)
         else:
             for name in answer:
                 if name not in question.options:

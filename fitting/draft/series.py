@@ -125,8 +125,8 @@ def series_of(
         values, unit = _requested_values(match["values"].strip(), requested or "", name, paths)
         unit = match["told"] or unit or "1"
     else:
-        found = _differing_quantity(paths, requested)
-        if found is None:
+        result = _differing_quantity(paths, requested)
+        if result is None:
             look = noise_look(roles[0], hertz_in(roles[0]))
             if phased or (look is not None and look.by == BY_SCATTER):
                 return None
@@ -137,7 +137,7 @@ def series_of(
                 "wanted it by --control, as --control Vg=-6:6:1 in the order of the files, or one "
                 "sweep"
             )
-        where, name, unit, values = found
+        where, name, unit, values = result
     if len(set(values)) < len(values):
         raise BadInput(f"--control: '{name}' has a value twice, {where}; wanted a sweep at each")
     return _joined(paths, roles, (name, unit, values), where, folder)
@@ -194,15 +194,15 @@ def _differing_quantity(
         "by the heads of the files": _of_head,
     }
     for where, read in ways.items():
-        found = _differing([read(path) for path in paths])
+        result = _differing([read(path) for path in paths])
         if wanted is not None:
-            found = {n: v for n, v in found.items() if n.lower() == wanted.strip().lower()}
-        if len(found) > 1:
+            result = {n: v for n, v in result.items() if n.lower() == wanted.strip().lower()}
+        if len(result) > 1:
             raise BadInput(
-                f"{paths[0]}, ...: {listed(found)} differ from file to file, {where}; wanted one "
+                f"{paths[0]}, ...: {listed(result)} differ from file to file, {where}; wanted one "
                 "of them by --control"
             )
-        for name, (unit, values) in found.items():
+        for name, (unit, values) in result.items():
             return where, CONTROL if name.startswith(CONTROL) else name, unit, values
     if wanted is not None:
         raise BadInput(
@@ -296,14 +296,14 @@ def _joined(
     known = replace(roles[0].recognised, path=table, words=recording.words)
     made: dict[str, Any] = {"recording": recording, "recognised": known, "left_out": (), **joined}
     rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
-    found = ControlMap(
+    result = ControlMap(
         path=table, controls=(quantity,), settings=settings[:, None], rows=tuple(rows)
     )
     cells = [[f"{name} ({unit})", FILE]]
     for value, path in zip(settings, paths, strict=True):
         cells.append([f"{value:.12g}", relative_path(path, folder)])
     return Series(
-        map=MapFile(path=table, roles=replace(roles[0], **made), found=found),
+        map=MapFile(path=table, roles=replace(roles[0], **made), found=result),
         text=csv_text(cells),
         words=str(blocks("draft/text").control(quantity, settings.tolist(), where)),
     )
@@ -311,8 +311,8 @@ def _joined(
 
 def _column(columns: Sequence[Channel | None]) -> Channel | None:
     """A column of all files, one below the other."""
-    found = [column for column in columns if column is not None]
-    if not found:
+    result = [column for column in columns if column is not None]
+    if not result:
         return None
-    values = np.concatenate([column.read() for column in found])
-    return replace(found[0], read=lambda: values)
+    values = np.concatenate([column.read() for column in result])
+    return replace(result[0], read=lambda: values)

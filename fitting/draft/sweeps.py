@@ -132,13 +132,13 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
         values = {name: value for name, (value, _) in start.items()}
     lines = lines_shown(line, files.two, files.where)
     boxes = _boxes(files, offer, fitted, more, values)
-    held = [n for n in (*offer.places, *offer.widths) if n not in fitted]
+    kept = [n for n in (*offer.places, *offer.widths) if n not in fitted]
     if line is None or len(offer.places) < 2:  # else those of further modes, which no line shows
-        held = []
+        kept = []
     amplitude = _amplitude(files, answers)
     derived: tuple[str, ...] = ()
     if modes is None or modes.tells_lines:
-        derived = _derived(offer, fitted, held=bool(held))
+        derived = _derived(offer, fitted, kept=bool(kept))
     level = 1.0
     if response is not None:
         placed = {b.name: convert(b.start, b.unit, offer.unit(b.name), where=b.name) for b in boxes}
@@ -160,19 +160,19 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
         "accuracy": accuracy_table(
             residual,
             "of the simulation, relative" + ": well below the scatter" * (residual > 0.0),
-            held=bool(driven),
+            kept=bool(driven),
         ),
     }
     if offer.is_model:
         tables["fmu"]["model"] = noted(offer.name, "shipped with fmu-fit and built on demand")
-    said = [*_described(files), *answers.said, *starts_words(boxes)]
-    said += _conditions(files, offer, held, reported=bool(derived))
+    stated = [*_described(files), *answers.said, *starts_words(boxes)]
+    stated += _conditions(files, offer, kept, reported=bool(derived))
     if measured:
-        return draft_from(tables, offer, folder, said, undescribed=_undescribed(files, offer))
+        return draft_from(tables, offer, folder, stated, undescribed=_undescribed(files, offer))
     name = shlex.quote(offer.name)
     head = "A campaign for this FMU, written by fmu-fit init: what is missing stands at its end."
     missing = MISSING.format(fmu=f"--fmu {name}" if offer.is_model else name)
-    return draft_from(tables, offer, folder, said, ((head, HEAD[1]), missing))
+    return draft_from(tables, offer, folder, stated, ((head, HEAD[1]), missing))
 
 
 def _boxes(
@@ -199,17 +199,17 @@ def _boxes(
     return boxes
 
 
-def _conditions(files: Files, offer: Offer, held: Sequence[str], *, reported: bool) -> list[str]:
+def _conditions(files: Files, offer: Offer, kept: Sequence[str], *, reported: bool) -> list[str]:
     """What results will rest on, in sentences."""
-    words, said, modes = blocks("draft/text"), [], files.modes
+    words, stated, modes = blocks("draft/text"), [], files.modes
     if files.two is not None and offer.is_two_modes:
         kind = "" if modes is None else modes.kind
-        said.append(str(words.taken_modes(kind, files.where, files.is_noise)))
-    if held:
-        said.append(str(words.held(held)))
+        stated.append(str(words.taken_modes(kind, files.where, files.is_noise)))
+    if kept:
+        stated.append(str(words.held(kept)))
     elif modes is not None and not reported and not modes.tells_lines:
-        said.append(str(words.not_reported(modes, offer.derived)))
-    return said
+        stated.append(str(words.not_reported(modes, offer.derived)))
+    return stated
 
 
 def check_one_line(files: Files) -> None:
@@ -233,12 +233,12 @@ def check_one_line(files: Files) -> None:
             )
 
 
-def _derived(offer: Offer, fitted: Sequence[str], *, held: bool) -> tuple[str, ...]:
+def _derived(offer: Offer, fitted: Sequence[str], *, kept: bool) -> tuple[str, ...]:
     """Numbers of the model that are reported; where modes are held, those of the fitted one."""
-    found = tuple(name for name in (*offer.derived, *offer.qualities) if name not in fitted)
+    result = tuple(name for name in (*offer.derived, *offer.qualities) if name not in fitted)
     marks = {name.rpartition("_")[2] for name in fitted if name in offer.places and "_" in name}
-    of_mode = tuple(name for name in found if name.rpartition("_")[2] in marks)
-    return of_mode if held and of_mode else found
+    of_mode = tuple(name for name in result if name.rpartition("_")[2] in marks)
+    return of_mode if kept and of_mode else result
 
 
 def _undescribed(files: Files, offer: Offer) -> str:
@@ -256,39 +256,39 @@ def _undescribed(files: Files, offer: Offer) -> str:
 
 def _described(files: Files) -> list[str]:
     """What every file was found to be, in sentences."""
-    words, said = blocks("draft/text"), list[str]()
+    words, stated = blocks("draft/text"), list[str]()
     for sweep in files.sweeps:
-        said += sentence_lines(sweep.reading)
+        stated += sentence_lines(sweep.reading)
         line = sweep.driven_line
         if sweep.is_noise and sweep.noise is not None:
-            said += str(words.noise(sweep.noise)).splitlines()
+            stated += str(words.noise(sweep.noise)).splitlines()
         elif line is not None:
             known = WORDS_COMPLEX if line.is_complex else WORDS
-            said += str(words.line(line, known.get(line.forms[0].name))).splitlines()
+            stated += str(words.line(line, known.get(line.forms[0].name))).splitlines()
         elif sweep.two is not None and files.line is None:
-            said.append(str(words.two_lines(sweep.two, sweep.is_complex)))
+            stated.append(str(words.two_lines(sweep.two, sweep.is_complex)))
         else:
-            said.append(str(words.no_line(sweep)))
-    return said + ([str(words.experiments(files.table, files.pattern))] if files.table else [])
+            stated.append(str(words.no_line(sweep)))
+    return stated + ([str(words.experiments(files.table, files.pattern))] if files.table else [])
 
 
 def _by_name(fitted: Sequence[str], offer: Offer, lines: Sequence[Shown]) -> dict[str, Shown]:
     """The line that each parameter sets: with two of them the first place and width the lower."""
-    found: dict[str, Shown] = {}
+    result: dict[str, Shown] = {}
     for group in (offer.places, offer.widths):
         names = [name for name in group if name in fitted]
         several = lines if len(lines) > 1 else [*lines] * len(names)
-        found |= dict(zip(names, several, strict=False))
-    return found
+        result |= dict(zip(names, several, strict=False))
+    return result
 
 
 def _start_of_pair(modes: TwoModes | None, fitted: Sequence[str]) -> dict[str, tuple[Scalar, str]]:
     """What makes two modes those of the sweep, with reasons, but for what is fitted."""
     made = dict(UNCOUPLED)
     if modes is not None:
-        found = "as both lines have it"
-        made = THROUGH_COUPLING | {COUPLING: (modes.coupling_hz, found)}
-        made |= {STRENGTH: (modes.drive, found)} if modes.kind == DRIVEN else {}
+        result = "as both lines have it"
+        made = THROUGH_COUPLING | {COUPLING: (modes.coupling_hz, result)}
+        made |= {STRENGTH: (modes.drive, result)} if modes.kind == DRIVEN else {}
     return {name: value for name, value in made.items() if name not in fitted}
 
 
@@ -528,21 +528,21 @@ def _complex(sweep: SweepFile, count: int) -> dict[str, Any]:
         made["label"] = sweep.path.stem
     if sweep.two is not None:
         made["background"] = noted("constant", "complex, besides the lines: solved inside")
-    made |= phase_keys(turned=sweep.phases_reversed, delayed=False)
+    made |= phase_keys(rotated=sweep.phases_reversed, delayed=False)
     if background:
         made["background"] = noted(background, "complex, besides the line: from a comparison")
-    return made | phase_keys(turned=False, delayed=bool(line and line.forms[0].delayed))
+    return made | phase_keys(rotated=False, delayed=bool(line and line.forms[0].delayed))
 
 
-def phase_keys(*, turned: bool, delayed: bool) -> dict[str, Any]:
+def phase_keys(*, rotated: bool, delayed: bool) -> dict[str, Any]:
     """What a campaign has on phases.
 
     Args:
-        turned: whether an instrument counts them the other way.
+        rotated: whether an instrument counts them the other way.
         delayed: whether a cable turns them.
     """
     made = {}
-    if turned:
+    if rotated:
         made["conjugate"] = noted(True, "the phase rises over the resonance")
     if delayed:
         made["delay"] = noted("fit", "of the cable: found by comparing")

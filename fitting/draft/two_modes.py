@@ -79,15 +79,15 @@ def two_modes_of(trace: Trace) -> TwoModes | None:
     y = values / float(np.max(trace.amplitude))
     fits = {kind: _Fit(trace.frequency_hz, y, pair, kind).lowest() for kind in UNKNOWNS}
     linear = 4 if trace.is_complex else 1
-    found = [
+    result = [
         (pair.chance(squares, UNKNOWNS[kind] + linear, 1), kind)
         for kind, (squares, _) in fits.items()
         if math.isfinite(squares)
     ]
-    if not found:
+    if not result:
         return None
-    likely = [each for each in found if each[0] > BY_CHANCE]
-    _, kind = likely[0] if likely else min(found, key=lambda each: fits[each[1]][0])
+    likely = [each for each in result if each[0] > BY_CHANCE]
+    _, kind = likely[0] if likely else min(result, key=lambda each: fits[each[1]][0])
     return _Fit(trace.frequency_hz, y, pair, kind).told(fits[kind][1], describes=bool(likely))
 
 

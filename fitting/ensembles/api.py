@@ -25,6 +25,7 @@ from fitting.extension.fmu import NeededFile, Where, opened, provide_fmu, run
 from fitting.extension.problem import known_values, require_values
 from fitting.extension.records import WrittenFmu
 from fitting.lab.writer import CAMPAIGN_NAME
+from fitting.text.arguments import renamed
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
 from fitting.text.journal import Journal
@@ -167,11 +168,12 @@ def finished_items(
     return len(job.unchanged(Journal(out / ITEMS_FILE, job.fingerprint, Kept).read()))
 
 
-def write_ensemble(found: Ensemble, out: str | Path, *, drawn: bool = True) -> list[Path]:
+@renamed
+def write_ensemble(result: Ensemble, out: str | Path, *, drawn: bool = True) -> list[Path]:
     """Write what the command line writes: ensemble.json, tables, figure, report.
 
     Args:
-        found: Many fits.
+        result: Many fits.
         out: Folder, made where there is none.
         drawn: Whether figure and report are wanted.
 
@@ -184,15 +186,15 @@ def write_ensemble(found: Ensemble, out: str | Path, *, drawn: bool = True) -> l
     folder = Path(out)
     with results_folder(folder, "ensemble", FILES):
         paths = [folder / name for name in ("ensemble.json", "ensemble.csv", "ensemble.md")]
-        write_json(paths[0], document(found))
-        write_whole(paths[1], csv_of(found))
-        write_whole(paths[2], markdown(found))
+        write_json(paths[0], document(result))
+        write_whole(paths[1], csv_of(result))
+        write_whole(paths[2], markdown(result))
         if drawn:
             # matplotlib takes a second to import: only where something is drawn
             drawing = importlib.import_module("fitting.ensembles.figure")
-            figures = drawing.save_figures(found, folder / "figures")
+            figures = drawing.save_figures(result, folder / "figures")
             paths += [path for figure in figures for path in figure.files]
-            paths.append(write_report(found, figures, folder))
+            paths.append(write_report(result, figures, folder))
         remove_earlier(folder, FILES)
     return paths
 

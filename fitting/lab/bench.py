@@ -293,15 +293,15 @@ def measure(bench: Bench, seed: int) -> Series:
     rng = np.random.default_rng(seed)
     sweep = bench.sweep(rng)
     count = len(bench.pairs_hz)
-    asked = []
+    requested = []
     for index, pair in enumerate(bench.pairs_hz):
         level = bench.levels[index] if bench.levels else 1.0
         drive = replace(Drive.equal(pair, level), lines=bench.instrument.lines)
         label = f"{'drive' if bench.levels else 'pair'}{index + 1}"
         sample = bench.at(0.5 if count == 1 else index / (count - 1))
-        asked.append((Row(label=label, drive=drive, observed=bench.observed), sample))
+        requested.append((Row(label=label, drive=drive, observed=bench.observed), sample))
     ends = (bench.at(0.0), bench.at(1.0))
-    measured = _measured(bench, asked, ends, bench.instrument, seed, rng)
+    measured = _measured(bench, requested, ends, bench.instrument, seed, rng)
     return Series(sweep=sweep, **vars(measured))
 
 
@@ -323,17 +323,17 @@ def measure_rows(bench: Bench, rows: Sequence[Row], instrument: Instrument, seed
     """
     rng = np.random.default_rng(seed)
     end = bench.at(1.0)
-    asked = []
+    requested = []
     for index, row in enumerate(rows):
         position = 0.5 if len(rows) == 1 else index / (len(rows) - 1)
         sample = end.shifted(4.0 * bench.curvature_hz * position * (1.0 - position))
-        asked.append((row, sample))
-    return _measured(bench, asked, (end, end), instrument, seed, rng)
+        requested.append((row, sample))
+    return _measured(bench, requested, (end, end), instrument, seed, rng)
 
 
 def _measured(
     bench: Bench,
-    asked: Sequence[tuple[Row, Sample]],
+    requested: Sequence[tuple[Row, Sample]],
     ends: tuple[Sample, Sample],
     instrument: Instrument,
     seed: int,
@@ -342,7 +342,7 @@ def _measured(
     """Rows of which each has its sample, with the eigenfrequencies before and after."""
     answers = tuple(
         Answer(sample=sample, waves_v=bench.gain * sample.amplitudes(row.drive), **vars(row))
-        for row, sample in asked
+        for row, sample in requested
     )
     readings = instrument.read(bench, answers, rng, seed)
     error = (bench.noise_scale * bench.eta_error_hz * rng.standard_normal(4)).tolist()

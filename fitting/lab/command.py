@@ -211,8 +211,8 @@ def _lock_ins(args: argparse.Namespace) -> LockIns | PhaseDetectors | None:
 
     if args.phases:
         restarts = tuple(sorted({n - 1 for n in args.restart}))
-        found = PhaseDetectors(both=args.cross_mode, restarts=restarts)
-        return found if args.noise is None else replace(found, noise=args.noise)
+        result = PhaseDetectors(both=args.cross_mode, restarts=restarts)
+        return result if args.noise is None else replace(result, noise=args.noise)
     if not args.cross_mode:
         return None
     return LockIns() if args.noise is None else LockIns(args.noise)

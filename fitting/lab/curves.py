@@ -85,12 +85,12 @@ class WiredResonance:
         h, top = h[:-1], h[-1]
         x = (u - self.eta_hz) / (0.5 * float(np.ptp(u)))
         gain = self.gain * np.exp(1j * self.gain_phase_rad)
-        turned = np.exp(-2j * np.pi * (u - self.eta_hz) * self.delay_s)
+        rotated = np.exp(-2j * np.pi * (u - self.eta_hz) * self.delay_s)
         if self.kind == "transmission":
-            return np.asarray(gain * turned * h / abs(top))
+            return np.asarray(gain * rotated * h / abs(top))
         depth = (2.0 if self.kind == "reflection" else 1.0) / self.coupling
         dip = depth * np.exp(1j * self.phase_rad) * h / top
-        return np.asarray(gain * turned * (1.0 + self.slope * x - dip))
+        return np.asarray(gain * rotated * (1.0 + self.slope * x - dip))
 
     def files(self, seed: int, head: tuple[str, ...]) -> dict[str, str]:
         """Texts by file name: campaign, sweep and truth.
@@ -102,8 +102,8 @@ class WiredResonance:
         u, exact = self.frequencies_hz(), self.values()
         draws = np.random.default_rng(seed).standard_normal((2, u.size))
         sigma = self.noise * float(np.max(np.abs(exact)))
-        seen = exact + sigma * (draws[0] + 1j * draws[1])
-        columns = {"frequency (Hz)": u, "X (V)": seen.real, "Y (V)": seen.imag}
+        observed = exact + sigma * (draws[0] + 1j * draws[1])
+        columns = {"frequency (Hz)": u, "X (V)": observed.real, "Y (V)": observed.imag}
         truth: dict[str, Any] = {CURVE: asdict(self), "outcome": {"seed": seed}}
         if self.kind != "transmission":
             truth["outcome"] |= {"Q_coupling": self.coupling_q}
@@ -280,8 +280,8 @@ class AvoidedCrossing:
         columns = {"V (V)": volts.ravel(), "frequency (Hz)": u.ravel()}
         if self.phases:
             turns = rng.uniform(size=(self.volts, 1)) - (u - self.f2_hz) * self.delay_s
-            seen = exact * np.exp(2j * np.pi * turns) + noise
-            columns |= {"X (V)": seen.real.ravel(), "Y (V)": seen.imag.ravel()}
+            observed = exact * np.exp(2j * np.pi * turns) + noise
+            columns |= {"X (V)": observed.real.ravel(), "Y (V)": observed.imag.ravel()}
         else:
             columns["amplitude (V)"] = np.abs(np.abs(exact) + noise).ravel()
         made = {
@@ -353,14 +353,14 @@ class AvoidedCrossing:
         return both[: self.modes - 1]
 
     def _table(self) -> dict[str, Any]:
-        told: dict[str, Any] = {"file": "map.csv", "controls": ["V"]}
+        given: dict[str, Any] = {"file": "map.csv", "controls": ["V"]}
         kind = "complex_control_sweep" if self.phases else "control_sweep"
-        found = {kind: {**told, **({"delay": "fit"} if self.phases else {"amplitude": "V peak"})}}
+        result = {kind: {**given, **({"delay": "fit"} if self.phases else {"amplitude": "V peak"})}}
         if self.reference:
             volts = f"{float(self.voltages()[0])!r} V"
             swept = {"file": "sweep.csv", "amplitude": "V peak", "scale": "fit"}
-            found["sweep"] = {**swept, "set": {"V": volts}}
-        return found
+            result["sweep"] = {**swept, "set": {"V": volts}}
+        return result
 
 
 Curve = WiredResonance | AvoidedCrossing | StringTrace | StringPhasors

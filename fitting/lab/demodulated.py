@@ -55,13 +55,13 @@ class StringPhasors(StringRecord):
         exact = self.values()
         sigma = self.noise * float(np.max(np.abs(exact)))
         draws = rng.standard_normal((2, exact.size))
-        seen = exact + sigma * (draws[0] + 1j * draws[1])
+        observed = exact + sigma * (draws[0] + 1j * draws[1])
         times = {"time (ms)": 1e3 * self.times_s()}
         if self.kind == LOCK_IN:
-            seen = seen + self.offset_v
-            return times | {"X (mV)": 1e3 * seen.real, "Y (mV)": 1e3 * seen.imag}, sigma
+            observed = observed + self.offset_v
+            return times | {"X (mV)": 1e3 * observed.real, "Y (mV)": 1e3 * observed.imag}, sigma
         # peak amplitude A is A^2/(2 R) in watts
-        levels = 10.0 * np.log10(np.abs(seen) ** 2 / (2.0 * 50.0) / 1e-3)
+        levels = 10.0 * np.log10(np.abs(observed) ** 2 / (2.0 * 50.0) / 1e-3)
         return times | {"amplitude (dBm)": levels}, sigma
 
     @property
@@ -72,20 +72,20 @@ class StringPhasors(StringRecord):
     def table(self) -> tuple[str, dict[str, Any]]:
         """The frequency of the demodulator; of phasors two modes and an offset."""
         both = {"modes": 2, "offset": True} if self.kind == LOCK_IN else {}
-        found = {"frequency": f"{self.drive_hz!r} Hz", "begin": "found"}
-        return "demodulated_trace", found | both
+        result = {"frequency": f"{self.drive_hz!r} Hz", "begin": "found"}
+        return "demodulated_trace", result | both
 
     def fixed(self) -> dict[str, Any]:
         """The angle; levels do not show frequencies either."""
-        found = super().fixed() | {"theta": self.modes.theta_rad}
+        result = super().fixed() | {"theta": self.modes.theta_rad}
         if self.kind == LOCK_IN:
-            return found
-        return found | {"eta_plus": self.eta_plus_hz, "eta_minus": 2.0 * self.eta_plus_hz}
+            return result
+        return result | {"eta_plus": self.eta_plus_hz, "eta_minus": 2.0 * self.eta_plus_hz}
 
     def parameters(self) -> list[dict[str, Any]]:
         """Phasors determine frequencies and widths, levels of one mode its width alone."""
-        found = super().parameters()
-        return found if self.kind == LOCK_IN else [p for p in found if p["name"] == "d1"]
+        result = super().parameters()
+        return result if self.kind == LOCK_IN else [p for p in result if p["name"] == "d1"]
 
 
 #: A decay that is demodulated, as the laboratory has it.

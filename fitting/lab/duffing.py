@@ -67,9 +67,9 @@ class Lines:
         """
         wanted = np.array(factors)
         for sign in (1, -1):
-            found = np.flatnonzero((self.factors == sign * wanted).all(axis=1))
-            if found.size:
-                line = self.amplitudes[found[0]]
+            result = np.flatnonzero((self.factors == sign * wanted).all(axis=1))
+            if result.size:
+                line = self.amplitudes[result[0]]
                 return np.asarray(line if sign == 1 else line.conj())
         raise ValueError(f"no line {factors}")
 
@@ -224,8 +224,8 @@ class _Balance:
         system = np.block([[(p + m).real, (m - p).imag], [(p + m).imag, (p - m).real]])
         right = np.concatenate([rest.ravel().real, rest.ravel().imag])
         scale = 1.0 / np.abs(system).max(axis=1)
-        found: FloatArray = np.linalg.solve(system * scale[:, np.newaxis], right * scale)
-        return np.asarray((found[: 2 * n] + 1j * found[2 * n :]).reshape(n, 2))
+        result: FloatArray = np.linalg.solve(system * scale[:, np.newaxis], right * scale)
+        return np.asarray((result[: 2 * n] + 1j * result[2 * n :]).reshape(n, 2))
 
 
 def _odd_factors(tones: int, order: int) -> NDArray[np.int64]:

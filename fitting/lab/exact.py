@@ -57,8 +57,8 @@ def amplitudes(modes: TwoModes, observed: int, tones_hz: Sequence[float]) -> Flo
     """
     with mp.workdps(DIGITS):
         damping = damping_hz(modes)
-        found = [abs(_phasors(modes, damping, mp.mpf(u))[observed]) for u in tones_hz]
-        return np.array([float(a) for a in found])
+        result = [abs(_phasors(modes, damping, mp.mpf(u))[observed]) for u in tones_hz]
+        return np.array([float(a) for a in result])
 
 
 def crest(modes: TwoModes, observed: int) -> float:
@@ -103,7 +103,7 @@ def runge_kutta_amplitudes(
     with mp.workdps(DIGITS):
         system, gain = _first_order(modes)
         h = mp.mpf(substep_s)
-        found = []
+        result = []
         for tone in tones_hz:
             turn = mp.expj(2 * mp.pi * mp.mpf(tone) * h)
             half = mp.expj(mp.pi * mp.mpf(tone) * h)
@@ -114,8 +114,8 @@ def runge_kutta_amplitudes(
             for k, column in enumerate(columns):
                 for i in range(4):
                     matrix[i, k] = (turn if i == k else 0) - column[i]
-            found.append(float(abs(mp.lu_solve(matrix, shift)[observed])))
-        return np.array(found)
+            result.append(float(abs(mp.lu_solve(matrix, shift)[observed])))
+        return np.array(result)
 
 
 def _phasors(modes: TwoModes, damping: Any, u: Any) -> tuple[Any, Any]:

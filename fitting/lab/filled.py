@@ -104,8 +104,8 @@ def carried(text: str, source: Path, folder: Path, written: Collection[str]) -> 
     """
 
     def there(table: str, value: str) -> str:
-        beside = table != "fmu" and Path(value).name in written
-        return Path(value).name if beside else path_from(folder, source / value)
+        nearby = table != "fmu" and Path(value).name in written
+        return Path(value).name if nearby else path_from(folder, source / value)
 
     def edit(tables: Tables) -> None:
         for name, table in tables.items():

@@ -96,10 +96,10 @@ class CoupledModes:
         return self._matrix(np.array(depths), self.pump.depth_coupling)
 
     def _matrix(self, on_f: FloatArray, on_coupling: Pairs) -> FloatArray:
-        found = np.diag(np.square(self.f_hz) * on_f)
+        result = np.diag(np.square(self.f_hz) * on_f)
         for (i, j), size in self.coupling_hz.items():
-            found[i, j] = found[j, i] = -(size**2) * on_coupling.get((i, j), 0.0)
-        return found
+            result[i, j] = result[j, i] = -(size**2) * on_coupling.get((i, j), 0.0)
+        return result
 
     def eigenfrequencies_hz(self) -> FloatArray:
         """Eigenfrequencies of the coupled modes without pump and damping, (N,), Hz, rising."""
@@ -128,10 +128,10 @@ class CoupledModes:
         before = self._truncated(u, reach, sideband)
         while reach <= MOST_SIDEBANDS:
             reach += max(2, reach // 2)
-            found = self._truncated(u, reach, sideband)
-            if np.abs(found - before).max() <= SIDEBAND_ACCURACY * np.abs(found).max():
-                return found
-            before = found
+            result = self._truncated(u, reach, sideband)
+            if np.abs(result - before).max() <= SIDEBAND_ACCURACY * np.abs(result).max():
+                return result
+            before = result
         raise ValueError(f"more than {MOST_SIDEBANDS} sidebands of the pump would be needed")
 
     def growth(self) -> float:

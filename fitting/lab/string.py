@@ -50,8 +50,8 @@ class TwoModes:
 
     def widths_hz(self) -> tuple[float, float]:
         """Full widths of the hybridised modes, (T D T^T)_ii / 2 pi, in Hz."""
-        turned = self.transform() @ np.diag([self.d1_hz, self.d2_hz]) @ self.transform().T
-        return float(turned[0, 0]), float(turned[1, 1])
+        rotated = self.transform() @ np.diag([self.d1_hz, self.d2_hz]) @ self.transform().T
+        return float(rotated[0, 0]), float(rotated[1, 1])
 
     @property
     def modes(self) -> TwoModes:

@@ -188,16 +188,16 @@ class SubharmonicBench(PumpedString):
         """
         count = int(2.0 * reach_hz * SOUGHT / self.string.widths_hz()[0]) + 1
         u_hz = self.string.eta_plus_hz + np.linspace(-reach_hz, reach_hz, count)
-        seen = self.magnitude(volts, pump_hz, u_hz)
-        at = 1 + np.flatnonzero((seen[1:-1] > seen[:-2]) & (seen[1:-1] >= seen[2:]))
-        tops = sorted(at, key=lambda k: -seen[k])[:2]
-        found = sorted(_top(u_hz[k - 1 : k + 2], seen[k - 1 : k + 2]) for k in tops)
-        return (found[0], found[-1]) if found else (float("nan"), float("nan"))
+        observed = self.magnitude(volts, pump_hz, u_hz)
+        at = 1 + np.flatnonzero((observed[1:-1] > observed[:-2]) & (observed[1:-1] >= observed[2:]))
+        tops = sorted(at, key=lambda k: -observed[k])[:2]
+        result = sorted(_top(u_hz[k - 1 : k + 2], observed[k - 1 : k + 2]) for k in tops)
+        return (result[0], result[-1]) if result else (float("nan"), float("nan"))
 
 
-def _top(u_hz: FloatArray, seen: FloatArray) -> float:
+def _top(u_hz: FloatArray, observed: FloatArray) -> float:
     """Where the parabola through three points is highest."""
-    left, middle, right = seen
+    left, middle, right = observed
     bend = left - 2.0 * middle + right
     return float(u_hz[1] + 0.5 * (u_hz[1] - u_hz[0]) * (left - right) / bend)
 

@@ -242,12 +242,13 @@ class SweepPlan:
                     "virtual laboratory does not know where to set it"
                 )
         frequency = numbers_in(table, table.column("frequency"), "Hz")
-        found: dict[tuple[float, ...], list[int]] = {}
+        result: dict[tuple[float, ...], list[int]] = {}
         for row, at in enumerate(zip(*values, strict=True)):
-            found.setdefault(tuple(map(float, at)), []).append(row)
+            result.setdefault(tuple(map(float, at)), []).append(row)
         names = tuple(self._bench.UNITS)
         return tuple(
-            (dict(zip(names, at, strict=True)), rows, frequency[rows]) for at, rows in found.items()
+            (dict(zip(names, at, strict=True)), rows, frequency[rows])
+            for at, rows in result.items()
         )
 
     def measure(self, seed: int) -> tuple[PlannedSweep, ...]:
@@ -274,8 +275,8 @@ class SweepPlan:
         one, other = rng.standard_normal((2, true_v.size))
         noise = np.hypot(floor_v, relative * np.abs(true_v)) * (one + 1j * other)
         if self.phases:
-            seen = self._bench.turned(true_v, u_hz, rng) + noise
-            return PlannedSweep(at, rows, u_hz, (seen.real, seen.imag), true_v)
+            observed = self._bench.turned(true_v, u_hz, rng) + noise
+            return PlannedSweep(at, rows, u_hz, (observed.real, observed.imag), true_v)
         rms = math.sqrt(0.5) if self._amplitude.kind == "rms" else 1.0
         return PlannedSweep(at, rows, u_hz, (rms * np.abs(true_v + noise),), true_v)
 

@@ -169,14 +169,14 @@ def synthesize(
             _refuse_instrument_of(plan, instrument)
             swept = changed_bench(swept_bench(truth), changes)
             return _written(_planned_tones(swept, plan, seed, command), out)
-        found = bench_of(truth)
-        if isinstance(found, Curve):
-            _refuse_of_curve(found, instrument, plan)
-            return _written(_curve(found, changes, seed, command), out)
-        if isinstance(found, PumpedString):
-            _refuse_of_pumped(found, instrument, plan)
-            return _written(_pumped(found, changes, seed, command), out)
-        bench = changed(found, **changes)
+        result = bench_of(truth)
+        if isinstance(result, Curve):
+            _refuse_of_curve(result, instrument, plan)
+            return _written(_curve(result, changes, seed, command), out)
+        if isinstance(result, PumpedString):
+            _refuse_of_pumped(result, instrument, plan)
+            return _written(_pumped(result, changes, seed, command), out)
+        bench = changed(result, **changes)
         _refuse_instrument(bench, instrument, plan)
         bench = replace(bench, instrument=instrument or bench.instrument)
         made = _planned(bench, plan, seed, command) if plan else _series(bench, seed, command)

@@ -202,8 +202,8 @@ class StringTrace(StringRecord):
 
     def values(self) -> FloatArray:
         """What is seen at the samples, (n,), V, without noise."""
-        seen = self._let_go() if self.kind == RINGDOWN else self._driven()
-        return np.asarray(self.offset_v + self.gain_v * seen)
+        observed = self._let_go() if self.kind == RINGDOWN else self._driven()
+        return np.asarray(self.offset_v + self.gain_v * observed)
 
     def _let_go(self) -> FloatArray:
         """Of the first string, m: steady under the tone until zero, free from then on."""
@@ -224,8 +224,8 @@ class StringTrace(StringRecord):
         """Times, what is observed, and the source of a chirp; the noise of a sample."""
         exact = self.values()
         sigma = self.noise * float(np.max(np.abs(exact - np.mean(exact))))
-        seen = exact + sigma * rng.standard_normal(exact.size)
-        columns = {TIME: 1e3 * self.times_s(), OUTPUT: 1e3 * seen}
+        observed = exact + sigma * rng.standard_normal(exact.size)
+        columns = {TIME: 1e3 * self.times_s(), OUTPUT: 1e3 * observed}
         return columns | ({SOURCE: self.source()} if self.kind == CHIRP else {}), sigma
 
     @property
@@ -239,8 +239,8 @@ class StringTrace(StringRecord):
             free = {"offset": True, "start": "unknown", "begin": "found", "states": 4}
             return "trace", free | {"columns": {"output": "string"}}
         names = {"output": "string", "input": "source"}
-        held = {"gain": "fit", "offset": True, "interpolation": "held"}
-        return "trace", held | {"columns": names}
+        kept = {"gain": "fit", "offset": True, "interpolation": "held"}
+        return "trace", kept | {"columns": names}
 
     def fixed(self) -> dict[str, Any]:
         """A free decay does not show the angle."""
@@ -307,8 +307,8 @@ def _held(rates: ComplexArray, push: ComplexArray, u: FloatArray, step_s: float)
     """Normal coordinates (4, n) from rest, under values u (n,) that are held over steps."""
     turn = np.exp(rates * step_s)
     gain = np.expm1(rates * step_s) / rates * push
-    z, found = np.zeros(rates.size, dtype=complex), np.empty((rates.size, u.size), dtype=complex)
+    z, result = np.zeros(rates.size, dtype=complex), np.empty((rates.size, u.size), dtype=complex)
     for k, value in enumerate(u):
-        found[:, k] = z
+        result[:, k] = z
         z = turn * z + gain * value
-    return found
+    return result

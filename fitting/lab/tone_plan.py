@@ -99,18 +99,18 @@ class TonePlan:
         levels = [self._numbers(name, "1") for name in self._amplitudes] or ones
         units = self._bench.UNITS
         controls = {name: self._numbers(name, unit) for name, unit in units.items()}
-        found = []
+        result = []
         for row, u_hz in enumerate(tones):
             at = {name: float(values[row]) for name, values in controls.items()}
             level = np.array([each[row] for each in levels])
             true_v = level * self._bench.swept_at(at, u_hz)
-            seen = self._noisy(true_v, self._averaged[row], rng)
-            turned = seen * reference
-            parts = [turned.real, turned.imag] if self._phases else [np.abs(seen)]
+            observed = self._noisy(true_v, self._averaged[row], rng)
+            rotated = observed * reference
+            parts = [rotated.real, rotated.imag] if self._phases else [np.abs(observed)]
             floor_v = self._floor_v / math.sqrt(self._averaged[row])
-            sigmas = np.hypot(floor_v, self._relative * np.abs(seen))
-            found.append(np.concatenate([*parts, sigmas]))
-        return tuple(found)
+            sigmas = np.hypot(floor_v, self._relative * np.abs(observed))
+            result.append(np.concatenate([*parts, sigmas]))
+        return tuple(result)
 
     def _noisy(self, true_v: ComplexArray, averaged: int, rng: np.random.Generator) -> ComplexArray:
         one, other, *relative = rng.standard_normal((4, true_v.size))

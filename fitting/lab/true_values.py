@@ -42,15 +42,15 @@ def true_values(truth: Mapping[str, Any], *, reflection: bool = False) -> dict[s
         own = {name: float(getattr(modes, field)) for name, field in OWN.items()}
         return {**own, "lambda12": float(truth["outcome"]["lambda_hz"])}
     if SUBHARMONIC in truth:
-        found = _of_sample(modes)
-        same = {name: found[name] for name in ("theta", "d1", "d2", "f1", "f2")}
+        result = _of_sample(modes)
+        same = {name: result[name] for name in ("theta", "d1", "d2", "f1", "f2")}
         gain = float(truth[SUBHARMONIC]["depth_per_volt"])
-        return {**same, "lambda12": found["lambda"], "gain": gain}
+        return {**same, "lambda12": result["lambda"], "gain": gain}
     drives = truth.get("experiment", ())
     places = [{k: e[k] for k in ("eta_plus_hz", "eta_minus_hz")} for e in drives]
-    found = _of_samples([replace(modes, **place) for place in places] or [modes])
+    result = _of_samples([replace(modes, **place) for place in places] or [modes])
     cubic = {name: float(value) for name, value in truth.get("cubic", {}).items()}
-    return found | cubic
+    return result | cubic
 
 
 def nearest(name: str, value: float, to: float) -> float:
@@ -86,8 +86,8 @@ def _told_in(reflection: bool, modes: TwoModes) -> TwoModes:
 def _of_samples(samples: list[TwoModes]) -> dict[str, float]:
     """Means over what a sample was at each drive."""
     each = [_of_sample(sample) for sample in samples]
-    names = [name for name in each[0] if all(name in found for found in each)]
-    return {name: math.fsum(found[name] for found in each) / len(each) for name in names}
+    names = [name for name in each[0] if all(name in result for result in each)]
+    return {name: math.fsum(result[name] for result in each) / len(each) for name in names}
 
 
 def _of_sample(m: TwoModes) -> dict[str, float]:
@@ -95,10 +95,10 @@ def _of_sample(m: TwoModes) -> dict[str, float]:
     c2, s2 = math.cos(m.theta_rad) ** 2, math.sin(m.theta_rad) ** 2
     widths = m.widths_hz()
     square = -0.5 * math.sin(2.0 * m.theta_rad) * (minus - plus) * (minus + plus)
-    found = {name: float(getattr(m, field)) for name, field in OWN.items()}
-    found |= {"eta_plus": plus, "eta_minus": minus}
-    found |= {"lambda": math.sqrt(square)} if square >= 0.0 else {}
-    found |= {
+    result = {name: float(getattr(m, field)) for name, field in OWN.items()}
+    result |= {"eta_plus": plus, "eta_minus": minus}
+    result |= {"lambda": math.sqrt(square)} if square >= 0.0 else {}
+    result |= {
         "f1": math.sqrt(c2 * plus**2 + s2 * minus**2),
         "f2": math.sqrt(s2 * plus**2 + c2 * minus**2),
         "width_plus": widths[0],
@@ -106,16 +106,16 @@ def _of_sample(m: TwoModes) -> dict[str, float]:
         "Q_plus": plus / widths[0],
         "Q_minus": minus / widths[1],
     }
-    return found
+    return result
 
 
 def _of_curve(curve: Mapping[str, Any], outcome: Mapping[str, Any]) -> dict[str, float]:
     if curve["kind"] in WIRED:
         width = float(curve["width_hz"])
-        found = {"eta_plus": float(curve["eta_hz"]), "d1": width, "width_plus": width}
-        told = ("Q_plus", "Q_coupling")
-        found |= {name: float(outcome[name]) for name in told if name in outcome}
-        return found | {"delay": float(curve["delay_s"])}
+        result = {"eta_plus": float(curve["eta_hz"]), "d1": width, "width_plus": width}
+        given = ("Q_plus", "Q_coupling")
+        result |= {name: float(outcome[name]) for name in given if name in outcome}
+        return result | {"delay": float(curve["delay_s"])}
     if curve["kind"] != CROSSING:
         return {}
     named = {"lambda12": "lambda_hz", "d1": "d1_hz", "d2": "d2_hz", "a1": "tuning_hz_v"}

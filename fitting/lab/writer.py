@@ -132,14 +132,14 @@ def _line(series: Series) -> LineFit:
 
     Too much noise hides it, and a drift moves it out of the sweep: both are told.
     """
-    told = ", ".join(
+    given = ", ".join(
         f"{name} = {getattr(series.bench, name):g}"
         for name in ("noise_scale", "drift_hz", "curvature_hz")
     )
     return fit_resonance(
         series.sweep.frequency_hz,
         series.sweep.amplitude_v,
-        source=f"synthesize: the sweep with {told}",
+        source=f"synthesize: the sweep with {given}",
     )
 
 

@@ -17,7 +17,7 @@ from fitting.posterior import CHAIN_FILE, FILES, LEAST_STEPS, LEAST_WALKERS
 from fitting.posterior.job import Job, thinned
 from fitting.posterior.report import draws_csv, screen_lines, write_report
 from fitting.posterior.summary import PosteriorOutput, PosteriorSummary, PosteriorValue
-from fitting.text.arguments import checked
+from fitting.text.arguments import checked, renamed
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.files import write_whole
@@ -228,11 +228,12 @@ def posterior_cost(
     )
 
 
-def write_posterior(found: Posterior, out: str | Path, *, drawn: bool = True) -> list[Path]:
+@renamed
+def write_posterior(result: Posterior, out: str | Path, *, drawn: bool = True) -> list[Path]:
     """Write what the command line writes: posterior.json, draws.csv, a corner figure, report.html.
 
     Args:
-        found: Draws.
+        result: Draws.
         out: Folder, made where there is none.
         drawn: Whether figure and report are wanted.
 
@@ -245,14 +246,14 @@ def write_posterior(found: Posterior, out: str | Path, *, drawn: bool = True) ->
     folder = Path(out)
     with results_folder(folder, "posterior", FILES):
         paths = [folder / "posterior.json", folder / "draws.csv"]
-        write_json(paths[0], found.summary)
-        write_whole(paths[1], draws_csv(found.summary, found.thinned, found.outputs))
+        write_json(paths[0], result.summary)
+        write_whole(paths[1], draws_csv(result.summary, result.thinned, result.outputs))
         if drawn:
             # matplotlib takes a second to import: only where something is drawn
             drawing = importlib.import_module("fitting.posterior.figure")
-            flat = found.draws.reshape(-1, len(found.names))
-            figure = drawing.save_figure(found.summary, flat, folder / "figures")
-            page = write_report(found.summary, figure, folder)
+            flat = result.draws.reshape(-1, len(result.names))
+            figure = drawing.save_figure(result.summary, flat, folder / "figures")
+            page = write_report(result.summary, figure, folder)
             paths += [*figure.files, page]
         remove_earlier(folder, FILES)
     return paths

@@ -97,19 +97,19 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
 
 
 def _handed(
-    name: str, found: ParameterEstimate, description: FmuDescription, wanted: bool
+    name: str, result: ParameterEstimate, description: FmuDescription, wanted: bool
 ) -> Handed:
     variable = description.variables.get(name)
-    unit = found.unit
+    unit = result.unit
     if variable is None:
         left = "is no variable of the FMU"
     elif not variable.can_be_started:
         left = "cannot be set in the FMU"
     else:
-        left = "" if wanted or found.status is Verdict.DETERMINED else str(found.status)
+        left = "" if wanted or result.status is Verdict.DETERMINED else str(result.status)
         unit = variable.unit or unit
-    factor = convert(1.0, found.unit, unit, where=name) if unit != found.unit else 1.0
-    there = found.in_unit(unit, factor)
+    factor = convert(1.0, result.unit, unit, where=name) if unit != result.unit else 1.0
+    there = result.in_unit(unit, factor)
     shared = {each.name: getattr(there, each.name) for each in fields(ParameterEstimate)}
     return Handed(**shared, left=left)
 
@@ -121,14 +121,14 @@ def _notes(p: Handed) -> dict[str, str]:
     }
 
 
-def calibration_csv(found: Calibration) -> str:
+def calibration_csv(result: Calibration) -> str:
     """All fitted parameters as CSV: value, error, interval, verdict, and whether it is handed on.
 
     Args:
-        found: what is handed on.
+        result: what is handed on.
     """
     rows = [["name", "unit", "value", "std", "ci95_low", "ci95_high", "verdict", "left"]]
-    for p in found.parameters:
+    for p in result.parameters:
         numbers = ("" if math.isnan(v) else repr(v) for v in (p.value, p.std, *p.ci95))
         rows.append([p.name, p.unit, *numbers, p.status, p.left])
     return csv_text(rows)

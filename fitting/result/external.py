@@ -66,21 +66,21 @@ def _test(result: Result, text: str) -> ExternalTest:
     values: dict[str, FittedEstimate] = {**result.parameters, **result.derived}
     if name not in values:
         raise _no_such(name, list(values))
-    found = values[name]
-    numbers = [_in(part, found.unit, name) for part in _parts(written)]
+    fitted = values[name]
+    numbers = [_in(part, fitted.unit, name) for part in _parts(written)]
     value, std = numbers[0], numbers[1] if len(numbers) > 1 else 0.0
     made = ExternalTest(
         name=name,
         value=value,
         std=std,
-        unit=found.unit,
-        found=found.value,
+        unit=fitted.unit,
+        found=fitted.value,
         found_std=math.nan,
         sigmas=math.nan,
     )
-    if not found.status.has_value or not math.isfinite(found.std):
+    if not fitted.status.has_value or not math.isfinite(fitted.std):
         return made
-    own, best = _towards(found, value), found.likely  # whose error it is
+    own, best = _towards(fitted, value), fitted.likely  # whose error it is
     sigmas = (best - value) / math.hypot(own, std)
     return replace(made, found=best, found_std=own, sigmas=sigmas)
 
@@ -89,12 +89,12 @@ def _no_such(name: str, known: Sequence[str]) -> BadInput:
     return BadInput(f"--external: the result has no '{name}'{did_you_mean(name, sorted(known))}")
 
 
-def _towards(found: FittedEstimate, value: float) -> float:
+def _towards(result: FittedEstimate, value: float) -> float:
     """Standard deviation on the side of the external value: intervals may be asymmetric."""
-    low, high = found.ci95
-    best = found.value if found.is_most_likely else found.most_likely
+    low, high = result.ci95
+    best = result.value if result.is_most_likely else result.most_likely
     side = (best - low if value < best else high - best) / 1.96
-    return side if math.isfinite(side) and side > 0.0 else found.std
+    return side if math.isfinite(side) and side > 0.0 else result.std
 
 
 def _in(text: str, unit: str, name: str) -> float:

@@ -130,15 +130,15 @@ def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[
     """
     replace(response).derived_many([p])
     response.misfit(p)
-    said = list(workers.latest_warnings)
+    stated = list(workers.latest_warnings)
     replace(response).derived_many([p])
-    said += workers.latest_warnings
-    return _by_kind(list(dict.fromkeys(said)))
+    stated += workers.latest_warnings
+    return _by_kind(list(dict.fromkeys(stated)))
 
 
 def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:
     """Warnings that differ in their numbers only, together."""
     kinds: dict[str, list[str]] = {}
-    for said in (text for text in warnings if text != DROPPED):
-        kinds.setdefault(NUMBER.sub("#", said), []).append(said)
+    for stated in (text for text in warnings if text != DROPPED):
+        kinds.setdefault(NUMBER.sub("#", stated), []).append(stated)
     return kinds

@@ -57,21 +57,21 @@ def _changed(known: Mapping[str, str], campaigns: Sequence[BoundCampaign]) -> It
     """Of files that the campaigns hold."""
     digests = set(known.values())
     for path, name in _data_files(campaigns):
-        found = sha256_of(path)
-        if found not in digests and name in known:
+        result = sha256_of(path)
+        if result not in digests and name in known:
             yield (
-                f"{path}: changed since the fit: found SHA-256 {found[:SHOWN]}, required "
+                f"{path}: changed since the fit: found SHA-256 {result[:SHOWN]}, required "
                 f"{known[name][:SHOWN]}; fit again, or {ANYWAY}"
             )
-        elif found not in digests:
+        elif result not in digests:
             yield f"{path}: is not among the files of the fit; fit again, or {ANYWAY}"
 
 
 def _left_out(known: Mapping[str, str], campaigns: Sequence[BoundCampaign]) -> Iterator[str]:
     """Of files that the fit read and the campaigns do not hold."""
-    held = {sha256_of(path) for path, _ in _data_files(campaigns)}
+    kept = {sha256_of(path) for path, _ in _data_files(campaigns)}
     for name, digest in known.items():
-        if digest not in held and not name.endswith(".toml"):
+        if digest not in kept and not name.endswith(".toml"):
             yield (
                 f"{name}: the fit read it, and {campaigns[0].path} does not; fit again, or {ANYWAY}"
             )

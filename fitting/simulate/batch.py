@@ -120,7 +120,7 @@ class Batch:
             owner: which evaluation pays for the runs.
         """
         index = self._index.setdefault(frozenset(values.items()), {})
-        found = []
+        result = []
         for own in variations:
             k = index.setdefault(own.key, len(self._runs))
             if k < len(self._answers) and output not in self._outputs[k]:
@@ -131,8 +131,8 @@ class Batch:
                 self.owners.append(owner)
             elif output not in self._outputs[k]:
                 self._outputs[k] = (*self._outputs[k], output)
-            found.append(k)
-        return found
+            result.append(k)
+        return result
 
     def simulate(self, workers: Workers) -> None:
         """Run all that was asked for since the last call, in one batch.
@@ -237,16 +237,16 @@ def together(tasks: Sequence[Generator[None, None, Answer]]) -> Generator[None, 
     Returns:
         What each of them returns, in their order.
     """
-    found: dict[int, Answer] = {}
+    result: dict[int, Answer] = {}
     while True:
         for k, task in enumerate(tasks):
-            if k not in found:
+            if k not in result:
                 try:
                     next(task)
                 except StopIteration as ended:
-                    found[k] = ended.value
-        if len(found) == len(tasks):
-            return [found[k] for k in range(len(tasks))]
+                    result[k] = ended.value
+        if len(result) == len(tasks):
+            return [result[k] for k in range(len(tasks))]
         yield
 
 

@@ -169,8 +169,8 @@ class Budget:
             kind: of the decisions.
             subject: of the decision; empty for any.
         """
-        found = (d for d in self.decisions if d.kind == kind)
-        return tuple(d for d in found if not subject or d.subject == subject)
+        result = (d for d in self.decisions if d.kind == kind)
+        return tuple(d for d in result if not subject or d.subject == subject)
 
 
 @dataclass(frozen=True, kw_only=True)

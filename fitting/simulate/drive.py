@@ -80,10 +80,10 @@ class Drive:
             order: highest sum of the absolute factors.
             longest_s: longest window, s.
         """
-        held = self.steps_per_period if self.input is not None else 0
+        kept = self.steps_per_period if self.input is not None else 0
         highest = max(order, self.highest_order)
         lines = self.lines_hz, self.tones_hz
-        return _window(lines, settle_s, held, highest, longest_s, self.grid)
+        return _window(lines, settle_s, kept, highest, longest_s, self.grid)
 
     def run(
         self, window: Window, settings: Mapping[str, Scalar], more: tuple[str, ...] = ()
@@ -183,7 +183,7 @@ class Drive:
 def _window(
     lines_and_tones_hz: tuple[tuple[float, ...], tuple[float, ...]],
     settle_s: float,
-    held: int,
+    kept: int,
     order: int,
     longest_s: float,
     grid: Grid,
@@ -193,21 +193,21 @@ def _window(
     coherent = whole_s <= longest_s or (len(lines_hz) == 1 and not grid.step_s)
     mixtures_hz = mixed_hz(tones_hz, order) if coherent else ()
     if grid.step_s:
-        found = window_on(
+        result = window_on(
             grid,
             lines_hz,
             settle_s,
-            samples_per_period=held,
+            samples_per_period=kept,
             mixtures_hz=mixtures_hz,
             longest_s=longest_s,
         )
     else:
-        found = plan_window(
+        result = plan_window(
             lines_hz,
             settle_s,
-            samples_per_period=held,
+            samples_per_period=kept,
             mixtures_hz=mixtures_hz,
             spare=SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1),
             longest_s=longest_s,
         )
-    return replace(found, longest_s=grid.longest_s)
+    return replace(result, longest_s=grid.longest_s)

@@ -208,8 +208,8 @@ def take_sweep(workers: FmuLike, what: Sweep, plan: DrivePlan) -> SweepResponse:
     for (direction, path), (run, windows), rows in zip(
         paths.items(), planned, answers, strict=True
     ):
-        found = _amplitudes(run, path, windows, rows[:, 0])
-        curves.append(Curve(direction, found if direction == "up" else found[::-1]))
+        result = _amplitudes(run, path, windows, rows[:, 0])
+        curves.append(Curve(direction, result if direction == "up" else result[::-1]))
     return SweepResponse(
         sweep=what,
         plan=plan,
@@ -242,13 +242,13 @@ def _amplitudes(
     run: Run, path: Sequence[float], windows: Sequence[Window], samples: FloatArray
 ) -> FloatArray:
     """Amplitude at every point of a path, by the tone in its samples."""
-    times, begin, found = np.array(row_times(run)), 0, []
+    times, begin, result = np.array(row_times(run)), 0, []
     for f, window in zip(path, windows, strict=True):
         end = begin + window.samples
         fit = ToneFit((f,), times[begin:end])
-        found.append(float(fit(samples[begin:end]).amplitudes[0]))
+        result.append(float(fit(samples[begin:end]).amplitudes[0]))
         begin = end
-    return np.array(found)
+    return np.array(result)
 
 
 def _jumps(what: Sweep, curves: Sequence[Curve]) -> tuple[Jump, ...]:

@@ -81,10 +81,10 @@ class _Evaluation:
         for key in keys:
             if key in failures:
                 raise _again(failures[key])
-        found = {key: results[key] for key in keys if key in results}
-        missing = [run for run, key in zip(runs, keys, strict=True) if key not in found]
+        result = {key: results[key] for key in keys if key in results}
+        missing = [run for run, key in zip(runs, keys, strict=True) if key not in result]
         new = iter(self._simulated(missing) if missing else ())
-        return [found[key] if key in found else next(new) for key in keys]
+        return [result[key] if key in result else next(new) for key in keys]
 
     def _simulated(self, runs: Sequence[Run]) -> list[FloatArray]:
         try:

@@ -61,15 +61,15 @@ def grids(step_s: float | None, probe: Probe, settings: Mapping[str, Scalar]) ->
         probe: trial runs of the FMU.
         settings: values of FMU variables, by name.
     """
-    seen = watched_steps_s(probe, settings)
+    observed = watched_steps_s(probe, settings)
     drive = probe.drives[0]
-    told = () if step_s is None else (step_s,)
-    for found in dict.fromkeys((*told, *seen)):
-        if found * probe.fastest_hz >= 0.5:
+    given = () if step_s is None else (step_s,)
+    for result in dict.fromkeys((*given, *observed)):
+        if result * probe.fastest_hz >= 0.5:
             continue
-        yield Grid(step_s=found)
+        yield Grid(step_s=result)
         if drive.input is None and drive.approach is None:
-            yield Grid(step_s=found, offset=0.5)
+            yield Grid(step_s=result, offset=0.5)
 
 
 def watched_steps_s(probe: Probe, settings: Mapping[str, Scalar]) -> tuple[float, ...]:
@@ -116,11 +116,11 @@ def simplest(step_s: float, within: float) -> tuple[float, ...]:
     """
     decimals = (float(f"{step_s:.{digits}g}") for digits in range(1, 18))
     inverse = (1.0 / float(f"{1.0 / step_s:.{digits}g}") for digits in range(1, 18))
-    found = (
+    result = (
         next((f for f in each if abs(f / step_s - 1.0) <= within), step_s)
         for each in (decimals, inverse)
     )
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(result))
 
 
 def _moves(
@@ -160,14 +160,14 @@ def accepted_grid(
     if step_s is not None and step_s * probe.fastest_hz < 0.5 and _takes(probe, settings, step_s):
         return Grid(step_s=step_s)
     powers = range(math.ceil(math.log10(highest_s)), math.floor(math.log10(lowest_s)) - 1, -1)
-    found = None
+    result = None
     for tried in (float(f"{digit}e{power}") for power in powers for digit in (5, 2, 1)):
         if lowest_s <= tried <= highest_s:
             if _takes(probe, settings, tried):
-                found = Grid(step_s=tried)
-            elif found is not None:
+                result = Grid(step_s=tried)
+            elif result is not None:
                 break
-    return found
+    return result
 
 
 def _takes(probe: Probe, settings: Mapping[str, Scalar], step_s: float) -> bool:
@@ -277,9 +277,9 @@ def _order(before: float, after: float) -> int:
     """Power of the step as which changes fall; 0 where they follow none."""
     if not (math.isfinite(before) and after > 0.0):
         return 0
-    seen = math.log2(before / after)
-    order = round(seen)
-    return order if 1 <= order <= HIGHEST and abs(seen - order) <= SEEN else 0
+    observed = math.log2(before / after)
+    order = round(observed)
+    return order if 1 <= order <= HIGHEST and abs(observed - order) <= SEEN else 0
 
 
 # -- decisions --------------------------------------------------------------------------------

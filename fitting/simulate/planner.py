@@ -208,7 +208,7 @@ class _Planner:
                     "wanted a longer substep or tones with a shorter common period"
                 )
             fine = {**settings, **self._fine(settings)}
-            found = settle(
+            result = settle(
                 self.probe,
                 fine,
                 self._share(Kind.SETTLING),
@@ -216,23 +216,23 @@ class _Planner:
                 self.longest_settle_s,
             )
             if self.options.settle_s is not None:
-                found = settle_as_prescribed(self.probe, fine, self.options.settle_s, found)
-            self._settled[key] = found
+                result = settle_as_prescribed(self.probe, fine, self.options.settle_s, result)
+            self._settled[key] = result
         return self._settled[key]
 
     def _fine(self, settings: Mapping[str, Scalar]) -> dict[str, Scalar]:
         """A solver fine enough that its own error is not taken for a transient."""
-        found: dict[str, Scalar] = {}
+        result: dict[str, Scalar] = {}
         name = self.annotation.tolerance
         if name is not None and name not in settings and name not in self.options.fixed:
             low, high = self._range(name)
-            found[name] = min(max(0.1 * self._share(Kind.SETTLING), low), high)
+            result[name] = min(max(0.1 * self._share(Kind.SETTLING), low), high)
         name = self.annotation.substep
         if name is not None and name not in settings and name not in self.options.fixed:
-            value = self._fine_substep(name, {**settings, **found})
+            value = self._fine_substep(name, {**settings, **result})
             if value is not None:
-                found[name] = value
-        return found
+                result[name] = value
+        return result
 
     def _fine_substep(self, name: str, settings: Mapping[str, Scalar]) -> float | None:
         """The longest substep by which the FMU is integrated at all; None: it does not act.
@@ -304,15 +304,15 @@ class _Planner:
             self.probe = free.on(grid)
             self._settled.clear()
             try:
-                found = self._settle(settings)
+                result = self._settle(settings)
             except (BadInput, FmuFailure):  # no samples on this grid tell the tones apart
                 continue
-            if found.steady and found.repeats < BETTER * settled.repeats:
+            if result.steady and result.repeats < BETTER * settled.repeats:
                 is_declared = grid.step_s == step_s
                 numbers = {"repeats": settled.repeats, "is_declared": is_declared}
                 self._add(grid_decision(grid, Basis.OWN_STEP, numbers))
                 self.longest_settle_s = most_s
-                return found
+                return result
         self.probe, self.longest_settle_s = free, most_s
         self._settled.clear()
         return settled
@@ -354,13 +354,13 @@ class _Planner:
 
     def _solver_parameters(self, settings: Mapping[str, Scalar]) -> list[tuple[str, float]]:
         """Parameters that set the solver's accuracy, with a first value for each."""
-        found: list[tuple[str, float]] = []
+        result: list[tuple[str, float]] = []
         if self.annotation.tolerance is not None:
             coarse = 1.0 if self.options.examples else COARSE
-            found.append((self.annotation.tolerance, coarse * self._share(Kind.SOLVER)))
+            result.append((self.annotation.tolerance, coarse * self._share(Kind.SOLVER)))
         if self.annotation.substep is not None:
-            found.append((self.annotation.substep, self._first_substep(self.annotation.substep)))
-        return [(name, value) for name, value in found if name not in settings]
+            result.append((self.annotation.substep, self._first_substep(self.annotation.substep)))
+        return [(name, value) for name, value in result if name not in settings]
 
     def _range(self, name: str) -> tuple[float, float]:
         variable = self.variables.get(name)
@@ -440,17 +440,17 @@ class _Planner:
     ) -> tuple[int, list[Reading]]:
         """The least order of combinations kept off the tones at which more change nothing."""
         share = self._share(Kind.SAMPLES)
-        found = ORDERS[0], ORDERS[0], math.inf
+        result = ORDERS[0], ORDERS[0], math.inf
         for order, finer in pairwise(ORDERS):
             try:
                 here = self.probe.read(settings, settle_s, order)
                 better = self.probe.read(settings, settle_s, finer)
             except BadInput:  # no sampling keeps so many lines off the tones
                 break
-            found = order, finer, SAFETY * self.probe.errors(here, better)
-            if found[2] <= share:
+            result = order, finer, SAFETY * self.probe.errors(here, better)
+            if result[2] <= share:
                 break
-        order, finer, bound = found
+        order, finer, bound = result
         longest_s = self.probe.longest_s
         counts = [d.window(settle_s, order, longest_s).samples for d in self.probe.drives]
         self._add(
@@ -601,8 +601,10 @@ def _require_oscillation(
     for drive, reading in zip(drives, readings, strict=True):
         if all(reading.constant):
             pairs = zip(drive.outputs, reading.mean, strict=True)
-            said = ", ".join(f"{name} is constant at {float(v):.9g}" for name, v in pairs)
+            stated = ", ".join(f"{name} is constant at {float(v):.9g}" for name, v in pairs)
             cause = "does the drive reach the observed output?"
             if forced:
                 cause = f"forced: {', '.join(forced)}, which may leave out what is observed"
-            raise BadInput(f"outputs: {said}; wanted one that oscillates under the drive ({cause})")
+            raise BadInput(
+                f"outputs: {stated}; wanted one that oscillates under the drive ({cause})"
+            )

@@ -174,22 +174,22 @@ class Probe:
             after: readings with the change, one per drive.
             before: readings without the change, one per drive.
         """
-        found = [
+        result = [
             np.abs(a.tones - b.tones) + np.abs(a.rest - b.rest)
             for a, b in zip(after, before, strict=True)
         ]
-        return self._relative(found, after)
+        return self._relative(result, after)
 
-    def errors(self, found: Sequence[Reading], truth: Sequence[Reading]) -> float:
+    def errors(self, result: Sequence[Reading], truth: Sequence[Reading]) -> float:
         """Largest difference of what is read: of amplitudes, or of amplitudes and phases.
 
         Args:
-            found: readings, one per drive.
+            result: readings, one per drive.
             truth: readings that are taken for true.
         """
         sizes = [
             np.abs(f.tones - t.tones if drive.phases else np.abs(f.tones) - np.abs(t.tones))
-            for drive, f, t in zip(self.drives, found, truth, strict=True)
+            for drive, f, t in zip(self.drives, result, truth, strict=True)
         ]
         return self._relative(sizes, truth)
 
@@ -249,15 +249,17 @@ class Probe:
         )
         look = replace(self, drives=finest, _kept={}, _acting={})
         shifts = np.arange(SHIFTS, dtype=float)
-        seen = [look.read(settings, settle_s + k * SHIFT / self.fastest_hz) for k in range(SHIFTS)]
+        observed = [
+            look.read(settings, settle_s + k * SHIFT / self.fastest_hz) for k in range(SHIFTS)
+        ]
         powers = np.vander(shifts, 3)
         left = np.eye(SHIFTS) - powers @ np.linalg.pinv(powers)
-        found = []
-        for readings in zip(*seen, strict=True):
+        result = []
+        for readings in zip(*observed, strict=True):
             tones = np.stack([reading.tones for reading in readings])
             rest = np.abs(np.tensordot(left, tones, axes=1)).max(axis=0)
-            found.append(rest * math.sqrt(SHIFTS / (SHIFTS - 3)))
-        return self._relative(found, seen[-1])
+            result.append(rest * math.sqrt(SHIFTS / (SHIFTS - 3)))
+        return self._relative(result, observed[-1])
 
     def go_on(self, drives: tuple[Drive, ...]) -> None:
         """Look at these drives from now on; what was read of others is forgotten.
@@ -425,14 +427,14 @@ class Probe:
 def _reading(drive: Drive, window: Window, values: FloatArray) -> Reading:
     """The lines of a drive in the last samples of its run, (rows, outputs)."""
     fit, values = drive.fit(window), values[-window.samples :]
-    found = fit(values)
+    result = fit(values)
     largest = np.max(np.abs(values), axis=0)  # squares of shares stay numbers, whatever the unit
-    shares = found.rest / np.where(largest > 0.0, largest, 1.0)
+    shares = result.rest / np.where(largest > 0.0, largest, 1.0)
     # a tone that is moved has no phase at time 0
-    phasors = found.phasors if drive.approach is None else found.amplitudes.astype(complex)
+    phasors = result.phasors if drive.approach is None else result.amplitudes.astype(complex)
     return Reading(
         tones=phasors,
-        mean=found.mean,
+        mean=result.mean,
         rest=largest * np.sqrt(np.mean(shares**2, axis=0)),
         largest=largest,
         condition=float(np.linalg.norm(fit.projector, 2) * math.sqrt(window.samples)),

@@ -246,11 +246,11 @@ def _band(drive: Drive, shown: Shown) -> tuple[Band, bool]:
         window_s=shown.window_s,
         samples=shown.samples,
     )
-    coherent, found = band is not None, band or _rounded_band(drive.tones_hz, shown)
+    coherent, result = band is not None, band or _rounded_band(drive.tones_hz, shown)
     if not drive.grid.step_s:
-        return found, coherent
+        return result, coherent
     chosen = shown != Shown()
-    return band_on(drive.grid, drive.tones_hz, LONGEST_WINDOW_S, found, chosen), True
+    return band_on(drive.grid, drive.tones_hz, LONGEST_WINDOW_S, result, chosen), True
 
 
 def _rounded_band(tones: tuple[float, ...], shown: Shown) -> Band:
@@ -307,10 +307,10 @@ class _Lines:
 def _lines(drive: Drive, band: Band, coherent: bool, run: Run, values: FloatArray) -> _Lines:
     largest = np.max(np.abs(values), axis=0)
     if not coherent:
-        found = fit_tones(drive.tones_hz, np.array(row_times(run)), values)
-        left = np.max(np.abs(found.rest), axis=0, keepdims=True)
+        result = fit_tones(drive.tones_hz, np.array(row_times(run)), values)
+        left = np.max(np.abs(result.rest), axis=0, keepdims=True)
         return _Lines(
-            peaks=found.amplitudes,
+            peaks=result.amplitudes,
             combined=left[:0],
             unexplained=left,
             combined_hz=np.empty(0),
@@ -370,7 +370,7 @@ def _mixed_lines(
     first, count = float(spectrum.frequencies_hz[0]), spectrum.frequencies_hz.size
     step = (float(spectrum.frequencies_hz[-1]) - first) / (count - 1)
     taken = set(drive.tones_hz)
-    found = []
+    result = []
     for factors in sorted(mixed_lines(len(tones), USUAL_ORDER), key=lambda k: sum(map(abs, k))):
         f = float(sum(k * tone for k, tone in zip(factors, tones, strict=True)))
         if f < 0.0:
@@ -380,8 +380,8 @@ def _mixed_lines(
             continue
         taken.add(f)
         if np.any(spectrum.amplitudes[at] > limit):
-            found.append(MixedLine(factors, f, spectrum.amplitudes[at]))
-    return tuple(sorted(found, key=lambda line: (sum(map(abs, line.factors)), line.frequency_hz)))
+            result.append(MixedLine(factors, f, spectrum.amplitudes[at]))
+    return tuple(sorted(result, key=lambda line: (sum(map(abs, line.factors)), line.frequency_hz)))
 
 
 # -- traces ---------------------------------------------------------------------------------------

@@ -90,7 +90,7 @@ def settle(
         longest_s: longest time to settle, s. Looks that only confirm that a time within it does
             may lie beyond it.
     """
-    times, seen, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
+    times, observed, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
     first_s, looked_s = _first_s(probe), 0.0
     most_s = min(longest_s, max(MOST_PERIODS / probe.fastest_hz, first_s))
     for k in itertools.count():
@@ -99,27 +99,27 @@ def settle(
         last_s = most_s * (2.0 if changes[-1] <= QUIET * wanted else 1.0)
         if time_s > last_s * (1.0 + ROUNDED) or probe.work(settings, time_s) > work:
             break
-        seen.append(probe.read(settings, time_s))
-        changes.append(probe.changes(seen[-1], seen[-2]))
+        observed.append(probe.read(settings, time_s))
+        changes.append(probe.changes(observed[-1], observed[-2]))
         times.append(time_s)
         if _stands(changes[1:], wanted) and _stands_far(probe, settings, time_s, wanted, work):
-            return _earliest(probe, settings, times, seen, wanted)
+            return _earliest(probe, settings, times, observed, wanted)
         if probe.foreign and _lingers(changes[1:], wanted) and time_s >= LOOK_AGAIN * looked_s:
             looked_s, repeats = time_s, probe.repetition(settings, time_s)
             # also where noise is small enough: it would be so twice in a row by chance alone
             if changes[-1] <= NOISY * repeats:
-                found = _as_it_repeats(probe, times, seen, repeats)
-                return found if repeats > QUIET * wanted else replace(found, repeats=0.0)
+                result = _as_it_repeats(probe, times, observed, repeats)
+                return result if repeats > QUIET * wanted else replace(result, repeats=0.0)
     ended_by_work = probe.work(settings, time_s) > work
     return replace(
-        _unsteady(times, seen, changes),
+        _unsteady(times, observed, changes),
         ended_by="work" if ended_by_work else "periods",
         limit=work if ended_by_work else most_s * probe.fastest_hz,
         change=changes[-1],
     )
 
 
-def _unsteady(times: list[float], seen: list[list[Reading]], changes: list[float]) -> Settled:
+def _unsteady(times: list[float], observed: list[list[Reading]], changes: list[float]) -> Settled:
     """What there is where amplitudes do not stand still.
 
     Changes that die away bound what is left. Others bound nothing: a response that grows with time
@@ -127,7 +127,7 @@ def _unsteady(times: list[float], seen: list[list[Reading]], changes: list[float
     """
     dies = len(changes) > 3 and all(b <= DYING * a for a, b in pairwise(changes[-3:]))
     bound = SAFETY * changes[-1] if dies and changes[-1] < DYING else math.inf
-    return Settled(settle_s=times[-1], bound=bound, last=tuple(seen[-1]), steady=False)
+    return Settled(settle_s=times[-1], bound=bound, last=tuple(observed[-1]), steady=False)
 
 
 def _lingers(changes: list[float], wanted: float) -> bool:
@@ -138,16 +138,16 @@ def _lingers(changes: list[float], wanted: float) -> bool:
 
 
 def _as_it_repeats(
-    probe: Probe, times: list[float], seen: list[list[Reading]], repeats: float
+    probe: Probe, times: list[float], observed: list[list[Reading]], repeats: float
 ) -> Settled:
     """The shortest time tried from which on all amplitudes are as far apart as they repeat."""
-    changes = [probe.changes(seen[-1], reading) for reading in seen]
+    changes = [probe.changes(observed[-1], reading) for reading in observed]
     k = next(i for i in range(len(changes)) if max(changes[i:]) <= NOISY * repeats)
-    errors = [probe.errors(reading, seen[-1]) for reading in seen[k:]]
+    errors = [probe.errors(reading, observed[-1]) for reading in observed[k:]]
     return Settled(
         settle_s=times[k],
         bound=SAFETY * max(repeats, *errors),
-        last=tuple(seen[k]),
+        last=tuple(observed[k]),
         steady=True,
         repeats=repeats,
     )
@@ -221,13 +221,13 @@ def _earliest(
     probe: Probe,
     settings: Mapping[str, Scalar],
     times: list[float],
-    seen: list[list[Reading]],
+    observed: list[list[Reading]],
     wanted: float,
 ) -> Settled:
     """The shortest of the times tried that does, or one between it and the one before."""
-    last = seen[-1]
-    left = SAFETY * probe.changes(last, seen[-2])
-    errors = [probe.changes(last, reading) for reading in seen]
+    last = observed[-1]
+    left = SAFETY * probe.changes(last, observed[-2])
+    errors = [probe.changes(last, reading) for reading in observed]
     k = next(i for i, e in enumerate(errors) if max(errors[i:]) <= 0.5 * wanted)
     time_s, error = times[k], errors[k]
     if k > 0 and 0.0 < errors[k] < errors[k - 1]:

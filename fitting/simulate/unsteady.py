@@ -103,7 +103,7 @@ def missing_damping(
         line: that does not decay.
         variables: of the FMU, by name.
     """
-    drive, found = plan.drives[0], []
+    drive, result = plan.drives[0], []
     values = {**drive.start_values, **plan.settings}
     zeros = [
         name
@@ -124,8 +124,8 @@ def missing_damping(
             continue
         k = round(line.at_hz * rate_hz)
         if float(np.max(share[max(0, k - TAPERED) : k + TAPERED + 1])) < DECAYED * line.share:
-            found.append(name)
-    return tuple(found)
+            result.append(name)
+    return tuple(result)
 
 
 def _shares(
@@ -136,8 +136,8 @@ def _shares(
     step_s = 1.0 / (PER_PERIOD * drive.fastest_hz)
     run = drive.run_at(settings, plan.settle_s, step_s, SAMPLES)
     values = workers.run([run])[0][-SAMPLES:]
-    found = ToneFit(drive.tones_hz, np.array(row_times(run))[-SAMPLES:])(values)
-    share = _tapered(found.rest) / np.maximum(found.amplitudes.max(axis=0), np.finfo(float).tiny)
+    result = ToneFit(drive.tones_hz, np.array(row_times(run))[-SAMPLES:])(values)
+    share = _tapered(result.rest) / np.maximum(result.amplitudes.max(axis=0), np.finfo(float).tiny)
     rate_hz = SAMPLES * run.sample_step_s
     for tone in drive.tones_hz:
         k = round(tone * rate_hz)
@@ -178,7 +178,7 @@ def sideband_of(
     Returns:
         None where no parameter has that value, or more than one.
     """
-    found = []
+    result = []
     for name, variable in variables.items():
         value = values.get(name, variable.start)
         frequency = variable.unit is not None and same_kind(variable.unit, "Hz")
@@ -188,5 +188,5 @@ def sideband_of(
         for tone, tone_hz in tones.items():
             distance = line.at_hz - tone_hz
             if hz > TAPERED * line.bin_hz and abs(abs(distance) - hz) < SAME * line.bin_hz:
-                found.append(Sideband(tone, "+" if distance > 0.0 else "−", name))
-    return found[0] if len(found) == 1 else None
+                result.append(Sideband(tone, "+" if distance > 0.0 else "−", name))
+    return result[0] if len(result) == 1 else None

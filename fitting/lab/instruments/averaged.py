@@ -35,7 +35,7 @@ class Averaged(Instrument):
     ) -> tuple[Answer, ...]:
         """|X + n| (1 + r): complex n of the floor after averaging, r of the relative noise."""
         relative = bench.noise_scale * self.relative
-        found, own = [], np.random.default_rng([seed, 3])
+        result, own = [], np.random.default_rng([seed, 3])
         reference = float(own.uniform(-math.pi, math.pi))
         for answer in answers:
             line = answer.lines_v
@@ -50,8 +50,8 @@ class Averaged(Instrument):
                 waves = line + quadratures[0] + 1j * quadratures[1]
                 waves = waves * (factor + 1j * turn) * np.exp(1j * reference)
                 made = {"x_v": waves.real, "y_v": waves.imag, "sigmas_v": sigmas}
-            found.append(answer.reading(made))
-        return tuple(found)
+            result.append(answer.reading(made))
+        return tuple(result)
 
     def edit(self, tables: Tables) -> None:
         """The plan says how its data are to be read."""

@@ -70,7 +70,7 @@ class LockIns(Instrument):
         # drawn and left: a seed has the same drift with and without lock-in amplifiers
         Analyser().read(bench, answers, rng, seed)
         own = np.random.default_rng([seed, 1])
-        found = []
+        result = []
         for place, answer in enumerate(answers):
             for mode in (answer.observed, 1 - answer.observed):
                 label = answer.label + ("" if mode == answer.observed else "_cross")
@@ -83,8 +83,8 @@ class LockIns(Instrument):
                     "sigmas_v": self.noise * peaks,
                     "time_min": np.array(PAUSE_MIN * place),
                 }
-                found.append(replace(answer.reading(arrays), label=label, observed=mode))
-        return tuple(found)
+                result.append(replace(answer.reading(arrays), label=label, observed=mode))
+        return tuple(result)
 
     def edit(self, tables: Tables) -> None:
         """Ready peaks, an offset of every pair from the drift, least squares: noise is known."""

@@ -46,7 +46,7 @@ class PhaseDetectors(Instrument):
         """X exp(i reference) (1 + r), r complex of the relative noise, the observed mode first."""
         # drawn and left: a seed has the same drift whatever instrument reads the series
         Analyser().read(bench, answers, rng, seed)
-        own, found, reference = np.random.default_rng([seed, 2]), [], 0.0
+        own, result, reference = np.random.default_rng([seed, 2]), [], 0.0
         for place, answer in enumerate(answers):
             if place == 0 or place in self.restarts:
                 reference = float(own.uniform(-math.pi, math.pi))
@@ -62,8 +62,8 @@ class PhaseDetectors(Instrument):
                     "time_min": np.array(PAUSE_MIN * place),
                     "reference_rad": np.array(reference),
                 }
-                found.append(replace(answer.reading(arrays), label=label, observed=mode))
-        return tuple(found)
+                result.append(replace(answer.reading(arrays), label=label, observed=mode))
+        return tuple(result)
 
     def edit(self, tables: Tables) -> None:
         """X and Y, a reference phase solved inside, an offset of every pair from the drift."""
@@ -83,11 +83,11 @@ class PhaseDetectors(Instrument):
 
     def columns(self, reading: Answer) -> dict[str, Cell]:
         """Time, mode, both quadratures and their standard deviations."""
-        found: dict[str, Cell] = {
+        result: dict[str, Cell] = {
             "time (min)": float(reading.arrays["time_min"]),
             "output": OUTPUTS[reading.observed],
         }
         for names, key in ((X, "x_v"), (Y, "y_v"), (SIGMAS, "sigmas_v")):
             pairs = zip(names, reading.arrays[key], strict=True)
-            found |= {f"{name} (uV)": float(value) * 1e6 for name, value in pairs}
-        return found
+            result |= {f"{name} (uV)": float(value) * 1e6 for name, value in pairs}
+        return result

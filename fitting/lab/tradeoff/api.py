@@ -62,13 +62,13 @@ def tradeoff(
         BadInput: no such campaign, a campaign that does not fit the FMU, rows of another study.
         FmuFailure: the FMU failed for every reference.
     """
-    asked = options or StudyOptions()
+    requested = options or StudyOptions()
     with Scratch() as scratch, one_thread():
         campaign = campaign_of(subject, scratch)
         if fmu is None:
             with named_fmu(one_fmu([campaign]), 1) as own:
-                return _studied(campaign, own, asked, Path(out or scratch), resume, progress)
-        return _studied(campaign, fmu, asked, Path(out or scratch), resume, progress)
+                return _studied(campaign, own, requested, Path(out or scratch), resume, progress)
+        return _studied(campaign, fmu, requested, Path(out or scratch), resume, progress)
 
 
 def campaign_of(subject: str | Path | Campaign, folder: Path) -> Campaign:

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _accuracies(text: str) -> tuple[float, ...]:
-    found = []
+    result = []
     for word in text.split(","):
         try:
             value = float(word)
@@ -82,8 +82,8 @@ def _accuracies(text: str) -> tuple[float, ...]:
             raise ff.BadInput(
                 f"--accuracies: found {word.strip()!r}, wanted numbers between 0 and 1"
             )
-        found.append(value)
-    return tuple(sorted(set(found), reverse=True))
+        result.append(value)
+    return tuple(sorted(set(result), reverse=True))
 
 
 def _command(args: argparse.Namespace) -> str:

@@ -90,9 +90,9 @@ class Study:
 
         Of those that cost about the same the first: the plan's own, where it is one of them.
         """
-        found = [row for row in self.rows if not row.failed and row.off <= SUFFICIENT]
-        least = min((row.cost_s for row in found), default=0.0)
-        return next((row for row in found if row.cost_s <= SAME * least), None)
+        result = [row for row in self.rows if not row.failed and row.off <= SUFFICIENT]
+        least = min((row.cost_s for row in result), default=0.0)
+        return next((row for row in result if row.cost_s <= SAME * least), None)
 
     @property
     def planned(self) -> Row | None:

@@ -32,11 +32,11 @@ def settings_of(
     """
     annotation = annotation_of(campaign, fmu)
     names = [reduction.name for reduction in annotation.reductions]
-    found = [Setting(name=PLAN)]
-    found += [Setting(name=f"accuracy {a:g}", accuracy=a) for a in accuracies]
+    result = [Setting(name=PLAN)]
+    result += [Setting(name=f"accuracy {a:g}", accuracy=a) for a in accuracies]
     if names:
-        found.append(Setting(name="no reduction", forbid=tuple(names)))
-        found += [Setting(name=f"with {name}", force=(name,)) for name in names]
+        result.append(Setting(name="no reduction", forbid=tuple(names)))
+        result += [Setting(name=f"with {name}", force=(name,)) for name in names]
     chosen = {k: v for plan in planned.planned.plans.values() for k, v in plan.settings.items()}
     for knob in (annotation.tolerance, annotation.substep):
         value = chosen.get(knob or "", 0.0)
@@ -44,8 +44,8 @@ def settings_of(
             continue
         for part in KNOBS:
             start = {knob: float(f"{part * value:.3g}")}
-            found.append(Setting(name=f"{knob} = {start[knob]:g}", start=start))
-    return found
+            result.append(Setting(name=f"{knob} = {start[knob]:g}", start=start))
+    return result
 
 
 def reference_of(campaign: Campaign, fmu: ff.Fmu, accuracy: float) -> list[Setting]:

@@ -181,8 +181,8 @@ class _Measurements:
         )
 
     def _processor_s(self) -> float:
-        found = processor_s(self.fmu.workers)
-        return math.nan if found is None else found
+        result = processor_s(self.fmu.workers)
+        return math.nan if result is None else result
 
     def _evaluated(self, setting: Setting, problem: ff.Problem) -> tuple[Row, FloatArray]:
         """A row and its simulated residuals (rows,): one evaluation at the start values, timed."""
