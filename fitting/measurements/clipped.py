@@ -33,5 +33,5 @@ def cut_off(
         return np.zeros(cut.size, dtype=np.bool_), ()
     ends = {"low_hz": float(u_hz[cut][0]), "high_hz": float(u_hz[cut][-1])}
     numbers = {"limit": limit, "parts": float(np.iscomplexobj(values)), **ends}
-    found = left_out(source, int(np.sum(cut)), **numbers)
-    return cut, (replace(found, names={**found.names, "unit": (unit,)}),)
+    result = left_out(source, int(np.sum(cut)), **numbers)
+    return cut, (replace(result, names={**result.names, "unit": (unit,)}),)

@@ -133,13 +133,13 @@ class CurvePlan:
             others_hz=np.array(self.others_hz),
             others=values[:, m:],
         )
-        found = curves.at(points_hz)
+        result = curves.at(points_hz)
         here = values[:, self.nodes_hz == self.half_hz][:, 0]
-        largest = np.max(np.abs(found.values), axis=1)
+        largest = np.max(np.abs(result.values), axis=1)
         with np.errstate(all="ignore"):
-            known = SAFETY * np.max(found.uncertainty, axis=1) <= self.tolerance
+            known = SAFETY * np.max(result.uncertainty, axis=1) <= self.tolerance
             known &= grown_change(here, half, largest) <= self.tolerance
-        return found.values, known
+        return result.values, known
 
     def interpolation(self, values: ComplexArray) -> Interpolation:
         """The interpolation of what was simulated at its nodes.

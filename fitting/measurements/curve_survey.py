@@ -115,14 +115,14 @@ class CurveSurvey:
             return self._point_by_point(Basis.NONLINEAR, nonlinear)
         chosen = curves[0]
         loudest = int(np.argmax(np.abs(chosen.supports)))
-        found = replace(
+        result = replace(
             self._point_by_point(Basis.RATIONAL, uncertainty),
             tolerance=tolerance,
             supports_hz=tuple(map(float, chosen.supports_hz)),
             others_hz=tuple(map(float, chosen.others_hz)),
             half_hz=float(chosen.supports_hz[loudest]),
         )
-        return self._superposed(found, kept)
+        return self._superposed(result, kept)
 
     def _superposed(self, plan: CurvePlan, vectors: Sequence[FloatArray]) -> CurvePlan:
         """The plan with several tones in a run, where that is shorter and changes little enough."""
@@ -154,21 +154,21 @@ class CurveSurvey:
         """Largest relative change of a response by the tones beside its own."""
         batch, output = Batch(), self.curve.place.output
         windows = self.curve.windows(plan)
-        asked = [
+        requested = [
             (run, window, self.curve.ask_alone(p, window, batch))
             for p in vectors
             for run, window in zip(self.curve.ask_nodes(p, windows, batch), windows, strict=True)
         ]
         batch.simulate(self.workers)
         changes = []
-        for run, window, runs in asked:
+        for run, window, runs in requested:
             together = batch.phasors(run, window, output)
             alone = [batch.phasors(own, window, output)[i] for i, own in enumerate(runs)]
             with np.errstate(all="ignore"):
                 changes.append(float(np.max(np.abs(together / np.array(alone) - 1.0))))
         return float(np.nan_to_num(max(changes), nan=np.inf))
 
-    def _point_by_point(self, basis: Basis, found: float, tried: int = 0) -> CurvePlan:
+    def _point_by_point(self, basis: Basis, result: float, tried: int = 0) -> CurvePlan:
         return CurvePlan(
             place=self.curve.place,
             low_hz=float(self.points[0]),
@@ -176,7 +176,7 @@ class CurveSurvey:
             points=self.points.size,
             basis=basis,
             tolerance=self.left,
-            found=min(found, 1.0),
+            found=min(result, 1.0),
             tried=tried,
         )
 
@@ -218,7 +218,7 @@ class CurveSurvey:
         stages: list[Stage] = []
         while True:
             pairs = zip(curves, values, strict=True)
-            errors = [self._errors(curve, survey_hz, seen[6:]) for curve, seen in pairs]
+            errors = [self._errors(curve, survey_hz, observed[6:]) for curve, observed in pairs]
             stages.append((max(map(max, errors)), curves))
             full = curves[0].frequency_hz.size + 2 >= self.points.size
             if full or len(stages) > ROUNDS or self._is_enough([u for u, _ in stages]):
@@ -228,8 +228,8 @@ class CurveSurvey:
             uncertain, off = errors[worst]
             if off > uncertain:  # what runs beside it say counts more than its own uncertainty
                 apart = np.abs(curves[worst].function(survey_hz) / values[worst][6:] - 1.0)
-                seen = float(survey_hz[int(np.argmax(apart))])
-                places = (seen, places[1] if places[1] != seen else places[0])
+                observed = float(survey_hz[int(np.argmax(apart))])
+                places = (observed, places[1] if places[1] != observed else places[0])
             more = self._values(vectors, np.array(places), batch)
             curves = [c.with_values(places, v) for c, v in zip(curves, more, strict=True)]
 
@@ -261,9 +261,9 @@ class CurveSurvey:
     def _values(
         self, vectors: Sequence[FloatArray], frequency_hz: FloatArray, batch: Batch
     ) -> list[ComplexArray]:
-        asked = [self.curve.ask(p, frequency_hz, batch) for p in vectors]
+        requested = [self.curve.ask(p, frequency_hz, batch) for p in vectors]
         batch.simulate(self.workers)
-        return [self.curve.read(batch, each) for each in asked]
+        return [self.curve.read(batch, each) for each in requested]
 
 
 def best(stages: Sequence[Stage]) -> Stage:

@@ -162,19 +162,19 @@ class Dataset:
             free: fitted logarithms of factors on the scale, for the series that have one.
         """
         left = iter(free)
-        found = []
+        result = []
         for name in self.series:
             mine = [
                 (m, q)
                 for m, q in zip(self.measurements, predictions, strict=True)
                 if m.series == name
             ]
-            said = [scale for m, q in mine if (scale := m.scale(q)) is not None]
-            scale = said[0] if said else Scale(1.0)
+            stated = [scale for m, q in mine if (scale := m.scale(q)) is not None]
+            scale = stated[0] if stated else Scale(1.0)
             if any(m.has_free_scale for m, _ in mine):
                 scale = Scale(scale.value * float(np.exp(next(left))), scale.bias)
-            found.append(scale)
-        return tuple(found)
+            result.append(scale)
+        return tuple(result)
 
     def unexplained(self, residuals: FloatArray) -> str:
         """What says that rows (m,) do not follow the data at all; empty where they do.
@@ -186,11 +186,11 @@ class Dataset:
             residuals: rows (m,), relative.
         """
         for m, k in zip(self.measurements, self.slices, strict=True):
-            said = m.unexplained(residuals[k])
-            if said and not (
+            stated = m.unexplained(residuals[k])
+            if stated and not (
                 np.all(m.sigma > 0.0) and leaves_noise(residuals[k], residuals[k], m.sigma, 1)
             ):
-                return said
+                return stated
         return ""
 
     def squares(self, residuals: FloatArray) -> tuple[float, FloatArray]:
@@ -258,8 +258,8 @@ def part_of(data: Dataset, settings: Mapping[str, Scalar]) -> Dataset:
     if not inside or len(inside) == len(places):
         many = "everything" if inside else "nothing"
         raise BadInput(f"{many} was measured at {wanted}; wanted a part of the measurements")
-    found = (m.part(inside) for m in data.measurements)
-    return replace(data, measurements=tuple(m for m in found if m is not None))
+    result = (m.part(inside) for m in data.measurements)
+    return replace(data, measurements=tuple(m for m in result if m is not None))
 
 
 def _same(one: Scalar, other: Scalar) -> bool:

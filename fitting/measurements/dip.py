@@ -46,11 +46,11 @@ def dip_qualities(
         for column in errors.T
         for factor in (1.0, 1.0j)
     ]
-    found = {}
+    result = {}
     for name, value in values.items():
         changes = [step.get(name, np.nan) - value for step in steps]
-        found[name] = Estimated(value, float(np.linalg.norm(changes)), is_loss=True)
-    return found
+        result[name] = Estimated(value, float(np.linalg.norm(changes)), is_loss=True)
+    return result
 
 
 def _values(

@@ -30,15 +30,15 @@ def _window(
     read_hz: tuple[float, ...],
     tones_hz: tuple[float, ...],
     settle_s: float,
-    held: int,
+    kept: int,
     order: int,
     grid: Grid,
 ) -> Window:
     """A window, planned once: the same ones come back in every evaluation."""
     planned = partial(window_on, grid) if grid.step_s else plan_window
     mixtures_hz = mixed_hz(tones_hz, order)
-    found = planned(read_hz, settle_s, samples_per_period=held, mixtures_hz=mixtures_hz)
-    return replace(found, longest_s=grid.longest_s)
+    result = planned(read_hz, settle_s, samples_per_period=kept, mixtures_hz=mixtures_hz)
+    return replace(result, longest_s=grid.longest_s)
 
 
 @lru_cache(maxsize=MOST_WINDOWS)
@@ -49,13 +49,13 @@ def _superposed(tones_hz: tuple[float, ...], settle_s: float, held_s: float, gri
     """
     if grid.step_s or held_s:
         on = grid if grid.step_s else Grid(step_s=held_s, longest_s=grid.longest_s)
-        found = window_on(on, tones_hz, settle_s, longest_s=COMMON * settle_s)
+        result = window_on(on, tones_hz, settle_s, longest_s=COMMON * settle_s)
         if held_s:
-            settle_s, steps = whole_steps(settle_s, on.step_s), round(found.step_s / on.step_s)
-            found = replace(found, settle_s=settle_s, held_steps=steps)
+            settle_s, steps = whole_steps(settle_s, on.step_s), round(result.step_s / on.step_s)
+            result = replace(result, settle_s=settle_s, held_steps=steps)
     else:
-        found = plan_window(tones_hz, settle_s, longest_s=COMMON * settle_s)
-    return replace(found, longest_s=grid.longest_s)
+        result = plan_window(tones_hz, settle_s, longest_s=COMMON * settle_s)
+    return replace(result, longest_s=grid.longest_s)
 
 
 @lru_cache(maxsize=MOST_WINDOWS)
@@ -167,16 +167,16 @@ class DrivenModel:
 
     def _roles(self, label: str | None) -> _Roles:
         """What the parameters are to an experiment, by its label; looked up at every run."""
-        found = self._known_roles.get(label)
-        if found is None:
+        result = self._known_roles.get(label)
+        if result is None:
             acting = [(i, self.parameters[i]) for i in self.columns(label)]
             own = [(i, q) for i, q in acting if not q.adds_to]
-            found = self._known_roles[label] = _Roles(
+            result = self._known_roles[label] = _Roles(
                 targets=tuple((i, q.target) for i, q in own if q.role == "model"),
                 coefficients=tuple((i, q.target) for i, q in own if q.role == "coefficient"),
                 added=tuple((i, q.adds_to) for i, q in acting if q.adds_to),
             )
-        return found
+        return result
 
     @cached_property
     def _known_roles(self) -> dict[str | None, _Roles]:
@@ -208,14 +208,14 @@ class DrivenModel:
             values: start values, by name.
             count: number of the tones.
         """
-        drive, found = self.setup.drive, dict(values)
+        drive, result = self.setup.drive, dict(values)
         if drive.kind == "tones":
             for name in drive.frequency_names[:count]:
-                found.pop(name, None)
+                result.pop(name, None)
             first, *others = drive.amplitude_names
-            found.update(dict.fromkeys(others[: count - 1], found[first]))
-            found.update(dict.fromkeys(others[count - 1 :], 0.0))
-        return found
+            result.update(dict.fromkeys(others[: count - 1], result[first]))
+            result.update(dict.fromkeys(others[count - 1 :], 0.0))
+        return result
 
     def tone_values(self, tones_hz: Sequence[float]) -> dict[str, Scalar]:
         """Start values that tones have of their own; none where the tool applies them.

@@ -101,8 +101,8 @@ class FmuResponse:
     @cached_property
     def _promised(self) -> tuple[float, ...]:
         """What the plans promise, by measurement; nothing where nothing was decided."""
-        found = (self.models[m.series].plan.promised for m in self.measurements)
-        return tuple(0.0 if np.isnan(promised) else promised for promised in found)
+        result = (self.models[m.series].plan.promised for m in self.measurements)
+        return tuple(0.0 if np.isnan(promised) else promised for promised in result)
 
     @cached_property
     def _known(self) -> KnownAnswers:
@@ -116,11 +116,11 @@ class FmuResponse:
         """
         known = self._read_already
         keys = [np.asarray(p, dtype=float).tobytes() for p in ps]
-        found = {key: known[key] for key in keys if key in known}  # others may drop it meanwhile
-        new = {key: p for key, p in zip(keys, ps, strict=True) if key not in found}
+        result = {key: known[key] for key in keys if key in known}  # others may drop it meanwhile
+        new = {key: p for key, p in zip(keys, ps, strict=True) if key not in result}
         read = dict(zip(new, self._derived(list(new.values())) if new else (), strict=True))
-        found.update(read)
-        answers = [found[key] for key in keys]
+        result.update(read)
+        answers = [result[key] for key in keys]
         known.update(read)
         each = sum(values.size for values in answers[0].values()) if answers else 0
         while len(known) * each > MOST_KEPT:
@@ -164,8 +164,8 @@ class FmuResponse:
             return places
         share = min(1.0, self.most_places / max(1, sum(map(len, places.values()))))
         return {
-            series: [found[k] for k in evenly(len(found), math.ceil(share * len(found)))]
-            for series, found in places.items()
+            series: [result[k] for k in evenly(len(result), math.ceil(share * len(result)))]
+            for series, result in places.items()
         }
 
     def _outputs(

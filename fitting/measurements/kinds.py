@@ -26,7 +26,7 @@ def kinds_in(modules: Sequence[ModuleType]) -> tuple[type[MeasurementTable], ...
     Args:
         modules: imported.
     """
-    found = {
+    result = {
         value.TABLE: value
         for module in modules
         for value in vars(module).values()
@@ -35,7 +35,7 @@ def kinds_in(modules: Sequence[ModuleType]) -> tuple[type[MeasurementTable], ...
         and value.__module__ == module.__name__
         and hasattr(value, "TABLE")  # not what tables of several kinds are derived from
     }
-    return tuple(found[name] for name in sorted(found))
+    return tuple(result[name] for name in sorted(result))
 
 
 def _modules() -> list[ModuleType]:

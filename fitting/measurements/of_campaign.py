@@ -22,14 +22,14 @@ def measurements_of(bound: BoundCampaign, series: str = "") -> tuple[Measurement
         bound: campaign, bound to its FMU.
         series: name of the series.
     """
-    found: list[Measurement] = list(_tones(bound, series))
+    result: list[Measurement] = list(_tones(bound, series))
     if bound.sweep is not None:
-        found.append(sweep_of(bound, bound.sweep, series))
+        result.append(sweep_of(bound, bound.sweep, series))
     for table, further in bound.measurements.items():
         if not isinstance(further, Measurement):
             raise TypeError(f"[{table}] is bound to {further!r}, wanted a Measurement")
-        found.append(further.within(bound.setup, series))
-    return tuple(sorted(found, key=lambda m: m.is_curve))
+        result.append(further.within(bound.setup, series))
+    return tuple(sorted(result, key=lambda m: m.is_curve))
 
 
 def _tones(bound: BoundCampaign, series: str) -> Iterator[Tones]:

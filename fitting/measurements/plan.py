@@ -46,8 +46,8 @@ class Plan:
             place: output and settings.
             frequency_hz: where it is wanted, Hz.
         """
-        found = (c for c in self.curves if c.place == place and c.holds(frequency_hz))
-        return next(found, None)
+        result = (c for c in self.curves if c.place == place and c.holds(frequency_hz))
+        return next(result, None)
 
     def with_curve(self, curve: CurvePlan) -> Plan:
         """The plan with a further curve; one decision tells of all of them.
@@ -80,13 +80,13 @@ class Plan:
         """
         return next((plan for plan in self.steps if plan.label == label), None)
 
-    def with_steps(self, found: StepPlan) -> Plan:
+    def with_steps(self, result: StepPlan) -> Plan:
         """The plan with the steps of a trace, a further one or anew; one decision tells of all.
 
         Args:
-            found: for the trace.
+            result: for the trace.
         """
-        steps = (*(plan for plan in self.steps if plan.label != found.label), found)
+        steps = (*(plan for plan in self.steps if plan.label != result.label), result)
         if self.budget is None:
             return replace(self, steps=steps)
         others = tuple(d for d in self.budget.decisions if d.kind != Kind.STEP)

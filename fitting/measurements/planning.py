@@ -87,8 +87,8 @@ class Series:
         """Line width that the setup states, or that a measurement shows, Hz."""
         if self.setup.line_width_hz is not None:
             return self.setup.line_width_hz
-        found = (m.line_width_hz for m in self.measurements)
-        return next((width for width in found if width is not None), None)
+        result = (m.line_width_hz for m in self.measurements)
+        return next((width for width in result if width is not None), None)
 
 
 def plan_series(series: Series) -> Plan:
@@ -185,17 +185,17 @@ def measured_plan(
 
     def planned(known: Knowledge) -> Plan:
         options = PlanOptions(examples=True, usual=setup.usual_accuracy)
-        found = plan_drives(drives, series.accuracy, workers, known, options)
-        while lost := _lost(found, ends, workers, known):
+        result = plan_drives(drives, series.accuracy, workers, known, options)
+        while lost := _lost(result, ends, workers, known):
             known = _without(known, lost)
-            found = plan_drives(drives, series.accuracy, workers, known, options)
-        settle_s = _settle_s(series, found, draft)
+            result = plan_drives(drives, series.accuracy, workers, known, options)
+        settle_s = _settle_s(series, result, draft)
         measured = Plan(
             settle_s=settle_s,
-            budget=_with_settling(series, found, settle_s),
-            order=found.order,
-            settings=found.settings,
-            grid=found.drives[0].grid,
+            budget=_with_settling(series, result, settle_s),
+            order=result.order,
+            settings=result.settings,
+            grid=result.drives[0].grid,
         )
         return _refined(series, replace(model, plan=_planned(series, measured)), workers)
 
@@ -275,25 +275,25 @@ def _applicable(series: Series, annotation: AccuracyAnnotation) -> AccuracyAnnot
     )
 
 
-def _settle_s(series: Series, found: DrivePlan, draft: Plan) -> float:
-    if series.setup.steady_start or found.settle_s == 0.0:
-        return found.settle_s
+def _settle_s(series: Series, result: DrivePlan, draft: Plan) -> float:
+    if series.setup.steady_start or result.settle_s == 0.0:
+        return result.settle_s
     stated = draft.settle_s if series.line_width_hz is not None else 0.0
-    return max(stated, LESS_DAMPING * found.settle_s)
+    return max(stated, LESS_DAMPING * result.settle_s)
 
 
-def _with_settling(series: Series, found: DrivePlan, settle_s: float) -> Budget:
+def _with_settling(series: Series, result: DrivePlan, settle_s: float) -> Budget:
     """The budget with the settling that is planned, which is longer than what was measured.
 
     What was wanted, and why, is said first, unless it is what the FMU can give.
 
     The windows are those of the campaign's experiments, which are decided on by themselves.
     """
-    kept = (d for d in found.budget.decisions if d.kind != Kind.WINDOW)
+    kept = (d for d in result.budget.decisions if d.kind != Kind.WINDOW)
     decisions = tuple(_longer(d, settle_s) for d in kept)
-    is_goal = found.budget.wanted == series.accuracy
+    is_goal = result.budget.wanted == series.accuracy
     why = series.goal.decisions if is_goal else ()
-    return Budget(found.budget.wanted, (*why, *decisions))
+    return Budget(result.budget.wanted, (*why, *decisions))
 
 
 def _longer(decision: Decision, settle_s: float) -> Decision:
@@ -315,7 +315,7 @@ def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive
     drives: list[Drive] = []
     for k, point in enumerate(points):
         each = (m.drives(model, point) for m in series.measurements)
-        these = next((found for found in each if found), [])
+        these = next((result for result in each if result), [])
         if k > 0 and not _runs(these, workers):
             continue  # the FMU may refuse a part of the box
         drives += these
@@ -332,7 +332,7 @@ def _drives_at(
 
 
 def _lost(
-    found: DrivePlan, ends: Sequence[Sequence[Drive]], workers: Workers, known: Knowledge
+    result: DrivePlan, ends: Sequence[Sequence[Drive]], workers: Workers, known: Knowledge
 ) -> set[str]:
     """Reductions that leave out more elsewhere in the box than they may of what is observed.
 
@@ -340,13 +340,13 @@ def _lost(
     that is read is never left out, whatever its distance is.
 
     Args:
-        found: a plan with its reductions.
+        result: a plan with its reductions.
         ends: drives at points of the box.
         workers: of the FMU.
         known: of the FMU.
     """
     lost: set[str] = set()
-    for decision in found.budget.decisions:
+    for decision in result.budget.decisions:
         bounds = [r.bound for r in known.annotation.reductions if r.name == decision.subject]
         if not decision.is_reduction or decision.basis != Basis.STATED or bounds == [None]:
             continue
@@ -357,7 +357,7 @@ def _lost(
             }
             probe = Probe(drives=tuple(drives), workers=workers, exchange=known.exchange)
             try:
-                left_out = [probe.largest(found.settings, found.settle_s, n) for n in names]
+                left_out = [probe.largest(result.settings, result.settle_s, n) for n in names]
             except NoAnswer:
                 raise
             except FmuFailure:  # the FMU may refuse a part of the box

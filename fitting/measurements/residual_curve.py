@@ -46,11 +46,11 @@ class ResidualCurve:
         course = self.columns.get(Kind.gain)
         if course is not None and np.ptp(course) > 0.0:
             return course
-        steep, found = self.columns[Kind.shift], np.zeros(self.axis.size)
+        steep, result = self.columns[Kind.shift], np.zeros(self.axis.size)
         for part in self._parts:
             mean = 0.5 * (steep[part][1:] + steep[part][:-1])
-            found[part][1:] = np.cumsum(mean * np.diff(self.axis[part]))
-        return found
+            result[part][1:] = np.cumsum(mean * np.diff(self.axis[part]))
+        return result
 
     def moved(self, values: FloatArray, shift: float) -> FloatArray:
         """Values at places that are larger by a shift; beyond the ends those of the ends.
@@ -59,12 +59,12 @@ class ResidualCurve:
             values: of all rows, shape (k,) or (k, n).
             shift: in the unit of the axis.
         """
-        found = np.array(values, dtype=float)
+        result = np.array(values, dtype=float)
         for part in self._parts:
-            axis, table = self.axis[part], found[part].reshape(self.axis[part].size, -1)
+            axis, table = self.axis[part], result[part].reshape(self.axis[part].size, -1)
             columns = [np.interp(axis + shift, axis, column) for column in table.T]
-            found[part] = np.reshape(np.transpose(columns), found[part].shape)
-        return found
+            result[part] = np.reshape(np.transpose(columns), result[part].shape)
+        return result
 
     @property
     def _parts(self) -> list[slice]:

@@ -78,13 +78,13 @@ class ResponseCurve:
         first, group = self.model.groups(table, self.label)
         planned = self.model.plan.curve(self.place, frequency_hz)
         if planned is None or planned.runs >= frequency_hz.size:
-            found = yield from self._simulated(table, first, frequency_hz, batch)
+            result = yield from self._simulated(table, first, frequency_hz, batch)
         else:
             points, place = np.unique(frequency_hz, return_inverse=True)
             curve = replace(self, fastest_hz=planned.high_hz)
-            found = yield from curve._interpolated(table, first, points, batch, planned)
-            found = found[:, place]
-        return found[group]
+            result = yield from curve._interpolated(table, first, points, batch, planned)
+            result = result[:, place]
+        return result[group]
 
     def ask(
         self,
@@ -152,11 +152,11 @@ class ResponseCurve:
 
     def _tones(self, windows: Iterable[Window], part: float = 1.0) -> list[Variation]:
         """What runs of these windows have of their own, whatever the parameters are."""
-        found = []
+        result = []
         for window in windows:
             signal = self.model.signal(window, window.tones_hz, part)
-            found.append(Variation(self.model.tone_values(window.tones_hz), window, signal))
-        return found
+            result.append(Variation(self.model.tone_values(window.tones_hz), window, signal))
+        return result
 
     def _start_values(self, p: FloatArray, part: float = 1.0, count: int = 1) -> dict[str, Scalar]:
         """What runs at so many tones have in common."""
@@ -171,15 +171,15 @@ class ResponseCurve:
         runs = batch.ask_varied(values, tones, self.place.output, owner)
         return [(run, tone.window) for run, tone in zip(runs, tones, strict=True)]
 
-    def read(self, batch: Batch, asked: Sequence[tuple[int, Window]]) -> ComplexArray:
+    def read(self, batch: Batch, requested: Sequence[tuple[int, Window]]) -> ComplexArray:
         """Phasors (m,) of runs that were simulated.
 
         Args:
             batch: that has simulated them.
-            asked: runs and windows, as `ask` gave them.
+            requested: runs and windows, as `ask` gave them.
         """
-        found = [batch.phasors(k, window, self.place.output) for k, window in asked]
-        return np.concatenate(found) if found else np.empty(0, dtype=complex)
+        result = [batch.phasors(k, window, self.place.output) for k, window in requested]
+        return np.concatenate(result) if result else np.empty(0, dtype=complex)
 
     def simulated(
         self, p: FloatArray, frequency_hz: FloatArray, workers: Workers, part: float = 1.0
@@ -193,18 +193,18 @@ class ResponseCurve:
             part: of the drive's amplitude.
         """
         batch = Batch()
-        asked = self.ask(p, frequency_hz, batch, part=part)
+        requested = self.ask(p, frequency_hz, batch, part=part)
         batch.simulate(workers)
-        return self.read(batch, asked)
+        return self.read(batch, requested)
 
     def _simulated(
         self, table: FloatArray, first: IntArray, points: FloatArray, batch: Batch
     ) -> Responding:
         """By a run at each frequency."""
-        asked = [self.ask(table[k], points, batch, int(k)) for k in first]
+        requested = [self.ask(table[k], points, batch, int(k)) for k in first]
         yield
-        found = [self.read(batch, each) for each in asked]
-        return np.array(found).reshape(len(found), points.size)
+        result = [self.read(batch, each) for each in requested]
+        return np.array(result).reshape(len(result), points.size)
 
     def _interpolated(
         self,
@@ -217,19 +217,19 @@ class ResponseCurve:
         """By the plan's runs, by more where a check says so, by all where that does not help."""
         count, windows = planned.tones, self.windows(planned)
         tones, half_tones = self._tones(windows), self._tones([windows[planned.half_run]], 0.5)
-        asked, halves = [], []
+        requested, halves = [], []
         for k in map(int, first):
             whole, half = (self._start_values(table[k], part, count) for part in (1.0, 0.5))
-            asked.append(self._asked(whole, tones, batch, k))
+            requested.append(self._asked(whole, tones, batch, k))
             halves.append(self._asked(half, half_tones, batch, k))
         yield
-        values = planned.in_order(np.array([self.read(batch, runs) for runs in asked]))
+        values = planned.in_order(np.array([self.read(batch, runs) for runs in requested]))
         half_values = planned.at_half(np.array([self.read(batch, run) for run in halves]))
-        found, known = planned.drafted(points, values, half_values)
+        result, known = planned.drafted(points, values, half_values)
         rest = np.flatnonzero(~known)
         if rest.size and count > 1:  # once more as if nothing were known of several tones
             alone = planned.of_single_tones
-            found[rest] = yield from self._interpolated(table, first[rest], points, batch, alone)
+            result[rest] = yield from self._interpolated(table, first[rest], points, batch, alone)
         elif rest.size:
             drafts = [
                 DraftedCurve(
@@ -241,8 +241,8 @@ class ResponseCurve:
                 )
                 for i in rest
             ]
-            found[rest] = yield from self._mended(table, first[rest], batch, drafts)
-        return found
+            result[rest] = yield from self._mended(table, first[rest], batch, drafts)
+        return result
 
     def _mended(
         self, table: FloatArray, first: IntArray, batch: Batch, drafts: list[DraftedCurve]
@@ -261,8 +261,8 @@ class ResponseCurve:
             for i, (f, _), runs in zip(open_, wanted, more, strict=True):
                 drafts[i] = drafts[i].with_values(f, self.read(batch, runs))
         rest = [i for i, draft in enumerate(drafts) if not draft.is_known]
-        found = np.array([draft.values for draft in drafts])
+        result = np.array([draft.values for draft in drafts])
         if rest:
             points = drafts[0].points
-            found[rest] = yield from self._simulated(table, first[rest], points, batch)
-        return found
+            result[rest] = yield from self._simulated(table, first[rest], points, batch)
+        return result

@@ -36,8 +36,8 @@ def campaign_schema(kinds: Sequence[type[MeasurementTable]] = KINDS) -> str:
         table = json_schema(kind, description=_first_paragraph(kind))
         table.pop("$schema")
         if kind.REPEATED:
-            said = table.pop("description")
-            table = {"type": "array", "minItems": 1, "items": table, "description": said}
+            stated = table.pop("description")
+            table = {"type": "array", "minItems": 1, "items": table, "description": stated}
         schema["properties"][kind.TABLE] = table
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 

@@ -293,13 +293,13 @@ class Sweep(Measurement):
         if len(plan.nodes_hz) != FINE_POINTS or bias is None:
             return plan
         nodes, curve = np.array(plan.nodes_hz), self._curve(model)
-        found = [bend_of(nodes, np.abs(curve.simulated(p, nodes, workers))) for p in points]
-        bend = SAFETY * max(bend for bend, _ in found)
+        result = [bend_of(nodes, np.abs(curve.simulated(p, nodes, workers))) for p in points]
+        bend = SAFETY * max(bend for bend, _ in result)
         if not np.isfinite(bend):
             return plan
         for part in SPACINGS:
             three = nodes[2] + part * (nodes[3] - nodes[2]) * np.array([-1.0, 0.0, 1.0])
-            tops = [_top(three, nodes[2], c, bend) for _, c in found]
+            tops = [_top(three, nodes[2], c, bend) for _, c in result]
             if all(top.bracketed and top.bias <= 0.5 * bias for top in tops):
                 return _with_three(plan, three, bend)
         return plan
@@ -426,8 +426,8 @@ class Sweep(Measurement):
         if not self.fitted:
             return np.empty(0)
         shape = self.amplitude_v / self.maximum_v
-        beside = np.column_stack([np.ones(shape.size), self._beside])
-        return np.asarray(shape - beside @ np.linalg.lstsq(beside, shape, rcond=None)[0])
+        nearby = np.column_stack([np.ones(shape.size), self._beside])
+        return np.asarray(shape - nearby @ np.linalg.lstsq(nearby, shape, rcond=None)[0])
 
     def unexplained(self, residuals: FloatArray) -> str:
         """A fitted sweep of whose variance less than half is explained is not described.
@@ -447,8 +447,8 @@ class Sweep(Measurement):
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """The frequency response, and what is left between measured and simulated points."""
-        found = self._line()
-        resonance = found if isinstance(found, LineFit) else None
+        result = self._line()
+        resonance = result if isinstance(result, LineFit) else None
         curves = ShownResponse(
             frequency_hz=self.frequency_hz,
             measured=self.amplitude_v,
@@ -457,17 +457,17 @@ class Sweep(Measurement):
             unit=self.unit,
         )
         role = "is fitted point by point" if self.fitted else "sets the scale χ only"
-        beside = {OFFSET: " with a constant background", SLOPE: " with a sloped background"}
-        role += f"{beside[self.added]}, which is solved for" if self.solved_inside else ""
+        nearby = {OFFSET: " with a constant background", SLOPE: " with a sloped background"}
+        role += f"{nearby[self.added]}, which is solved for" if self.solved_inside else ""
         if resonance is None:
-            line = f"One damped mode could not be fitted to it: {found}"
+            line = f"One damped mode could not be fitted to it: {result}"
         else:
             line = (
                 "The fit of one damped mode to the laboratory points gives "
                 f"{', '.join(resonance_words(resonance))}; its residual is "
                 f"{100 * resonance.rms_residual:.2g} % of its amplitude."
             )
-        said = "." if resonance is None else f"; {', '.join(resonance_words(resonance))}."
+        stated = "." if resonance is None else f"; {', '.join(resonance_words(resonance))}."
         figure = Figure(
             name="frequency_response",
             title="Frequency response: laboratory, resonance fit, simulation",
@@ -479,7 +479,7 @@ class Sweep(Measurement):
             ),
             alt=(
                 f"Resonance curve with {self.amplitude_v.size} measured points and the simulated "
-                f"curve{said}"
+                f"curve{stated}"
             ),
             rows=((response_panel(curves, resonance),), (residual_panel(curves, resonance),)),
             series=self.series,
@@ -655,19 +655,19 @@ class MaximumSearch:
         Args:
             accuracy: relative error that is wanted.
         """
-        found = self.maximum
+        result = self.maximum
         f = self.frequency_hz
-        if not found.bracketed:
+        if not result.bracketed:
             span = float(np.ptp(f))
-            centre = found.frequency_hz
+            centre = result.frequency_hz
             side = -1.0 if centre == f[0] else 1.0
             steps = centre + side * span * np.array([0.25, 0.5, 1.0, 2.0])
             return np.asarray(steps[steps > 0.0])
-        if found.bias <= accuracy:
+        if result.bias <= accuracy:
             return np.empty(0)
         k = int(np.argmax(self.amplitude))
         spacing = 0.25 * float(min(f[k] - f[k - 1], f[k + 1] - f[k]))
-        near = nodes_around(found.frequency_hz, spacing)
+        near = nodes_around(result.frequency_hz, spacing)
         return near[~np.isin(near, f)]
 
     def with_points(self, frequency_hz: FloatArray, amplitude: FloatArray) -> MaximumSearch:

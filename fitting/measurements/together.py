@@ -91,7 +91,7 @@ class Together(Measurement, Generic[R]):
     @property
     def left_out(self) -> tuple[Finding, ...]:
         """Points that an instrument cut off."""
-        return tuple(found for record in self.records for found in record.left_out)
+        return tuple(result for record in self.records for result in record.left_out)
 
     @property
     def rows(self) -> int:
@@ -107,8 +107,10 @@ class Together(Measurement, Generic[R]):
     def datum_noise(self) -> float:
         """Relative standard deviation of its least noisy datum, stated or estimated; else zero."""
         stated = least_noise(self.sigma, self.measured_rows)
-        seen = [noise for x in self.records if not stated and (noise := x.estimated_noise) > 0.0]
-        return stated or min(seen, default=0.0)
+        observed = [
+            noise for x in self.records if not stated and (noise := x.estimated_noise) > 0.0
+        ]
+        return stated or min(observed, default=0.0)
 
     @property
     def solved_inside(self) -> int:
@@ -224,14 +226,14 @@ class CurvesTogether(Together[C]):
 
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """Those of the first, the largest and the last point of the `ends`."""
-        found = []
+        result = []
         for curve in self.ends:
             u, output = curve.u_hz, self.output_of(curve)
             top_hz = u[int(np.argmin(np.abs(u - curve.top_hz)))]
             for tone in dict.fromkeys(map(float, (u[0], top_hz, u[-1]))):
                 values = model.single_tone_values(p, curve.settings, tone, curve.label or None)
-                found.append(model.drive(values, (tone,), output))
-        return found
+                result.append(model.drive(values, (tone,), output))
+        return result
 
     def curve(self, model: DrivenModel, record: C) -> ResponseCurve:
         """The response that a record shows.

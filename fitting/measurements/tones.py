@@ -98,12 +98,12 @@ class Tones(Measurement):
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """Those of the first and of the last experiment."""
         ends = dict.fromkeys((0, len(self.experiments) - 1)) if self.experiments else ()
-        found = []
+        result = []
         for e in (self.experiments[k] for k in ends):
             values = model.values(p, e.label, e.settings)
             drive = model.drive(values, tuple(e.tones_hz), e.output or self.setup.output)
-            found.append(replace(drive, read_hz=tuple(e.read_hz)))
-        return found
+            result.append(replace(drive, read_hz=tuple(e.read_hz)))
+        return result
 
     def planned(self, plan: Plan) -> Plan:
         """The plan with the windows of its experiments."""
@@ -173,12 +173,12 @@ class Tones(Measurement):
             return ()
         tones = np.concatenate([np.asarray(e.read_hz, dtype=float) for e in self.experiments])
         share = self.peaks_v / np.max(self.peaks_v)
-        found = []
+        result = []
         for order in (np.arange(count), np.argsort(tones, kind="stable")):
             rows = np.concatenate([order + begin for begin in range(0, residuals.size, count)])
-            found.append(ResidualCurve(rows=rows, share=np.tile(share[order], rows.size // count)))
-        gain = residuals[found[0].rows] + (found[0].rows < count)  # model/data: real parts first
-        return (replace(found[0], columns={Kind.gain: gain}), found[1])
+            result.append(ResidualCurve(rows=rows, share=np.tile(share[order], rows.size // count)))
+        gain = residuals[result[0].rows] + (result[0].rows < count)  # model/data: real parts first
+        return (replace(result[0], columns={Kind.gain: gain}), result[1])
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Peaks that are half their size off on average are no description of the data."""
@@ -338,19 +338,19 @@ def _spectrum(shown: ShownSpectrum, place: int, x: Axis, y: Axis, when: str) -> 
 
 def _spectra_caption(spectra: Sequence[ShownSpectrum], floors: Sequence[float]) -> str:
     known = [floor for floor in floors if np.isfinite(floor) and floor > 0.0]
-    said = ""
+    stated = ""
     if known:
         factor, unit = prefixed(max(known), spectra[0].unit)
         low, high = (number(f(known) / factor, 2) for f in (min, max))
-        said = f" The noise floor (mean magnitude {low} to {high} {unit}) is in the trace."
+        stated = f" The noise floor (mean magnitude {low} to {high} {unit}) is in the trace."
     if len(spectra) > MOST_SPECTRA:
-        said += f" The first {MOST_SPECTRA} of {len(spectra)} experiments are shown."
+        stated += f" The first {MOST_SPECTRA} of {len(spectra)} experiments are shown."
     return (
         "Spectra measured (solid) and amplitudes simulated at the drive frequencies (dashed), "
         "scaled by χ of Algorithm 1: above with the start parameters, below with the fitted ones. "
         "Black bars join measured and simulated peak; the difference relative to the measured peak "
         f"stands above each panel, in the order of the tones. Vertical lines are the drive "
-        f"frequencies.{said}"
+        f"frequencies.{stated}"
     )
 
 
@@ -364,22 +364,22 @@ def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
     peaks = [e.peaks_v for e in bound.experiments]
     if not peaks:
         return np.empty(0), ""
-    noise, said = bound.noise, []
+    noise, stated = bound.noise, []
     if any(np.any(np.nan_to_num(f, nan=0.0) > 0.0) for f in floors):
-        said.append("the floor of the spectra, or the columns given")
+        stated.append("the floor of the spectra, or the columns given")
     if noise.relative == 0.0:
         scatter, freedom = repeat_scatter(_repeats(bound), peaks, floors)
         if freedom >= ENOUGH_REPEATS and scatter > 0.0:
             noise = Noise(relative=scatter, absolute_v=noise.absolute_v)
-            said.append(f"{100 * scatter:.3g} % from repeats ({freedom_words(freedom)})")
+            stated.append(f"{100 * scatter:.3g} % from repeats ({freedom_words(freedom)})")
     elif noise.declared:
-        said.append(f"{100 * noise.relative:.3g} % as declared")
+        stated.append(f"{100 * noise.relative:.3g} % as declared")
     if noise.absolute_v > 0.0:
-        said.append(f"{noise.absolute_v:.3g} {bound.amplitude_unit} as declared")
+        stated.append(f"{noise.absolute_v:.3g} {bound.amplitude_unit} as declared")
     sigmas = [noise.with_floor(p, f) for p, f in zip(peaks, floors, strict=True)]
     sentence = (
-        f"Standard deviations of the peaks: {', '.join(said)}, in quadrature."
-        if said
+        f"Standard deviations of the peaks: {', '.join(stated)}, in quadrature."
+        if stated
         else "Standard deviations of the peaks are not known: they are estimated from the "
         "residuals."
     )

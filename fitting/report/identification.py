@@ -16,11 +16,11 @@ from fitting.text.estimate import Verdict
 ORDER = (PROFILES, TOGETHER, OUTPUTS, NU)
 
 
-def write_report(found: Identification, out_dir: Path) -> Path:
+def write_report(result: Identification, out_dir: Path) -> Path:
     """Draw the figures (`out_dir`/figures), write `report.html` and return its path.
 
     Args:
-        found: what the data determine.
+        result: what the data determine.
         out_dir: where the files go.
 
     Raises:
@@ -30,22 +30,22 @@ def write_report(found: Identification, out_dir: Path) -> Path:
         figures = [
             save(planned.drawing(1 + ORDER.index(planned.name)), out_dir / "figures", for_page=True)
             for planned in profile_figures.knowledge_figures(
-                found, found.title, synthetic=found.synthetic
+                result, result.title, synthetic=result.synthetic
             )
         ]
-    statuses = [value.status for value in found.profiled.values()]
+    statuses = [value.status for value in result.profiled.values()]
     return write_page(
         out_dir,
         "identification.html.j2",
-        title=found.title,
+        title=result.title,
         kind="what the data determine",
         status="Identified",
-        message=phrase("knowledge", "left", found),
+        message=phrase("knowledge", "left", result),
         mark="" if all(status is Verdict.DETERMINED for status in statuses) else "bad",
-        synthetic=found.synthetic,
+        synthetic=result.synthetic,
         figures=figures,
-        flat=profile_figures.undrawn_sentence(found, figures),
-        known=found,
-        part=found.part,
-        origin={**found.provenance, "start point": found.at},
+        flat=profile_figures.undrawn_sentence(result, figures),
+        known=result,
+        part=result.part,
+        origin={**result.provenance, "start point": result.at},
     )

@@ -88,14 +88,14 @@ def _source(figure: Figure) -> str:
 
 def _links(figure: Figure) -> list[tuple[str, str, str]]:
     """The kinds of files of a figure, where each is, and its name: numbers are in the page."""
-    found = []
+    result = []
     for path in sorted(figure.files):
         kind = path.suffix[1:]
         to = f"{quote(path.parent.name)}/{quote(path.name)}"
         if kind == "csv" and path.stat().st_size <= LONGEST:
             to = f"data:text/csv;charset=utf-8;base64,{_base64(path)}"
-        found.append((kind.upper(), to, path.name))
-    return found
+        result.append((kind.upper(), to, path.name))
+    return result
 
 
 def _missing(figures: Sequence[Figure]) -> str:

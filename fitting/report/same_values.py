@@ -37,15 +37,15 @@ def same_values(result: Valued) -> dict[str, str]:
     Args:
         result: of a reconstruction, or what was inferred of a fit.
     """
-    found: dict[str, str] = {}
+    names: dict[str, str] = {}
     first: dict[str, FittedEstimate] = dict(result.parameters)
     for name, d in result.derived.items():
         same = [other for other, p in first.items() if d.unit == p.unit and _same(d, p)]
         if same:
-            found[name] = same[-1]
+            names[name] = same[-1]
         else:
             first[name] = d
-    return found
+    return names
 
 
 def _same(one: OutputEstimate, other: FittedEstimate) -> bool:

@@ -89,8 +89,8 @@ def drive_lines(
         settling_in_words(response.plan),
         remainder,
     )
-    found = drive_document(response, units)
-    records = (ran, found, response, budget, verbose, texts, advice, details)
+    result = drive_document(response, units)
+    records = (ran, result, response, budget, verbose, texts, advice, details)
     return printed_lines("simulation", "drive", *records)
 
 
@@ -129,51 +129,51 @@ def sweep_lines(
     """
     budget, difference = response.plan.budget, difference_in_words(response)
     longer = not (response.steady or response.plan.settles)
-    found = sweep_document(response, unit)
-    records = (ran, found, budget, verbose, difference, _warnings(budget, ran), longer)
+    result = sweep_document(response, unit)
+    records = (ran, result, budget, verbose, difference, _warnings(budget, ran), longer)
     return printed_lines("simulation", "sweep", *records)
 
 
 def calibration_lines(
-    title: str, found: Calibration, files: Sequence[Path], *, compiled: bool = False
+    title: str, result: Calibration, files: Sequence[Path], *, compiled: bool = False
 ) -> list[str]:
     """What `fmu-fit calibrate` prints: which values are written, and which are not.
 
     Args:
         title: of the fit.
-        found: what is written.
+        result: what is written.
         files: that were written.
         compiled: whether start values are compiled into the FMU, which is then not written.
     """
-    return printed_lines("calibration", "screen", title, found, EVEN, compiled, files)
+    return printed_lines("calibration", "screen", title, result, EVEN, compiled, files)
 
 
 def identification_lines(
-    found: Identification, files: Sequence[Path] = (), *, verbose: bool = False
+    result: Identification, files: Sequence[Path] = (), *, verbose: bool = False
 ) -> list[str]:
     """What `fmu-fit identify` prints: values with intervals, what is unconstrained, what is next.
 
     Args:
-        found: what the data determine.
+        result: what the data determine.
         files: identify.json, the report if there is one.
         verbose: whether directions, all intervals and their sentences are printed.
     """
-    knowledge = found.knowledge
+    knowledge = result.knowledge
     # the outputs that the campaign asks for come first
-    every = {n: v for n, v in {**found.derived, **found.parameters}.items() if n in found.scans}
+    every = {n: v for n, v in {**result.derived, **result.parameters}.items() if n in result.scans}
     summary = Summary(
-        title=found.title,
-        status=phrase("identification", "status", found),
-        synthetic=found.synthetic and "synthetic" not in found.title.lower(),
+        title=result.title,
+        status=phrase("identification", "status", result),
+        synthetic=result.synthetic and "synthetic" not in result.title.lower(),
         warnings=warnings_of(
-            (f for f in found.findings if f.severity != "note" and f.kind not in EXPRESSED), every
+            (f for f in result.findings if f.severity != "note" and f.kind not in EXPRESSED), every
         ),
     )
     summary, left = with_values(summary, every)
     open_ = [name for name, value in left.items() if value.status is not Verdict.BOUNDED]
-    words = shlex.split(found.provenance.get("command", ""))
+    words = shlex.split(result.provenance.get("command", ""))
     if open_ and words[:2] == ["fmu-fit", "identify"] and knowledge.adequacy.gives_values:
-        at = found.at if "--at" in words else ""
+        at = result.at if "--at" in words else ""
         command = design_command(words[2:3], at, open_[0])
         summary = replace(
             summary, advice=phrase("next", "determine", open_[0], False), command=command
@@ -181,10 +181,10 @@ def identification_lines(
     return printed_lines(
         "identification",
         "screen",
-        found,
+        result,
         summary,
         verbose,
         table("directions", knowledge=knowledge, tried=False) if knowledge.directions else None,
-        None if found.part is None else table("part", whole=found, part=found.part),
+        None if result.part is None else table("part", whole=result, part=result.part),
         files,
     )

@@ -146,18 +146,18 @@ def _shown_tones(experiment: Experiment, drive: Drive, unit: str) -> ShownTones:
 
 def _drift_hz(bound: BoundCampaign) -> dict[str, tuple[float, float]]:
     """Drifting variables that are frequencies; where no unit is known, the drive's is theirs."""
-    found = {}
+    result = {}
     for name, (before, after) in bound.drift.ends.items():
         unit = bound.drift.units.get(name, "1")
         unit = bound.setup.drive.tone_unit if unit == "1" else unit
         try:
-            found[name] = (
+            result[name] = (
                 convert(before, unit, "Hz", where=name),
                 convert(after, unit, "Hz", where=name),
             )
         except BadInput:  # a temperature is no frequency
             continue
-    return found
+    return result
 
 
 def shares_of(result: Result, data: ShownCampaign) -> list[tuple[str, Result, ShownCampaign]]:

@@ -100,7 +100,7 @@ def summary_of(result: Result) -> Summary:
     same = same_values(result)
     # the outputs that the campaign asks for come first
     every: dict[str, FittedEstimate] = {**result.derived, **result.parameters}
-    every = {name: found for name, found in every.items() if name not in same}
+    every = {name: value for name, value in every.items() if name not in same}
     summary = Summary(title=result.title, status=phrase("next", "status", result))
     withdrawn = result.status == "converged"
     summary, left = with_values(summary, every, result.line, same, withdrawn=withdrawn)
@@ -139,21 +139,24 @@ def with_values(
     """
     values, limits, left = [], [], dict[str, FittedEstimate]()
     statuses: set[Verdict | None] = set()  # None: of a value that is not the profile's, or beyond
-    for name, found in every.items():
+    for name, result in every.items():
         others = (name, *(other for other, first in same.items() if first == name))
         symbols = tuple(map(sign, others))
-        printed = _value(name, found, line, symbols)
+        printed = _value(name, result, line, symbols)
         if printed is None:
-            left[name] = found
-            if found.status in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
-                limit, remark = phrase("values", "limit", found), phrase("values", "remark", found)
+            left[name] = result
+            if result.status in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
+                limit, remark = (
+                    phrase("values", "limit", result),
+                    phrase("values", "remark", result),
+                )
                 limits.append(Printed(name=name, symbols=symbols, text=limit, remark=remark))
             continue
         values.append(printed)
-        plain = by_line(name, found, line) is None and math.isnan(found.bound_passed)
-        statuses.add(found.status if plain else None)
-        if plain and found.status is Verdict.SEVERAL:
-            left[name] = found
+        plain = by_line(name, result, line) is None and math.isnan(result.bound_passed)
+        statuses.add(result.status if plain else None)
+        if plain and result.status is Verdict.SEVERAL:
+            left[name] = result
     errors = ""
     if statuses == {Verdict.LINEARISED}:
         errors = phrase("next", "no_profile", values[0].remark)
@@ -188,38 +191,40 @@ def _with_signs(text: str, names: Iterable[str]) -> str:
 
 
 def _value(
-    name: str, found: FittedEstimate, line: SweepLine | None, symbols: tuple[str, ...]
+    name: str, result: FittedEstimate, line: SweepLine | None, symbols: tuple[str, ...]
 ) -> Printed | None:
     """A value with its error: the sweep's own where it is the better one; None: it has none."""
-    better = by_line(name, found, line)
+    better = by_line(name, result, line)
     if better is not None:
-        text, remark = quantity(*better, found.unit), phrase("values", "from_sweep")
+        text, remark = quantity(*better, result.unit), phrase("values", "from_sweep")
         return Printed(name=name, symbols=symbols, text=text, remark=remark)
-    if not found.status.has_value or found.status is Verdict.BOUNDED:
+    if not result.status.has_value or result.status is Verdict.BOUNDED:
         return None
-    beyond = not math.isnan(found.bound_passed)
-    text = found.likely_words if beyond else phrase("values", "reported", found)
-    return Printed(name=name, symbols=symbols, text=text, remark=phrase("values", "remark", found))
+    beyond = not math.isnan(result.bound_passed)
+    text = result.likely_words if beyond else phrase("values", "reported", result)
+    return Printed(name=name, symbols=symbols, text=text, remark=phrase("values", "remark", result))
 
 
-def by_line(name: str, found: FittedEstimate, line: SweepLine | None) -> tuple[float, float] | None:
+def by_line(
+    name: str, result: FittedEstimate, line: SweepLine | None
+) -> tuple[float, float] | None:
     """Value and error of the sweep's line, where they are of this value and the better ones.
 
     Args:
         name: of the value.
-        found: the fit's value.
+        result: the fit's value.
         line: that the sweep shows by itself.
     """
     if line is None or name not in line.values or depends_on_background(line):
         return None
     part = PARTS[line.values[name]](line)
     value, std = part.value, part.std
-    if not (math.isfinite(value) and std > 0.0) or found.status is Verdict.WITHDRAWN:
+    if not (math.isfinite(value) and std > 0.0) or result.status is Verdict.WITHDRAWN:
         return None
-    if not found.status.has_value or math.isnan(found.std):
+    if not result.status.has_value or math.isnan(result.std):
         return value, std
-    near = abs(found.likely - value) <= APART_SIGMA * math.hypot(std, found.std)
-    return (value, std) if std < found.std and near else None
+    near = abs(result.likely - value) <= APART_SIGMA * math.hypot(std, result.std)
+    return (value, std) if std < result.std and near else None
 
 
 def _unconstrained(left: Mapping[str, FittedEstimate], idle: Sequence[str]) -> tuple[str, ...]:
@@ -229,14 +234,14 @@ def _unconstrained(left: Mapping[str, FittedEstimate], idle: Sequence[str]) -> t
     """
     without = [sign(name) for name in left if name in idle]
     periodic, bounded, derived = [], dict[str, list[str]](), dict[str, list[str]]()
-    for name, found in left.items():
-        if found.status is not Verdict.UNCONSTRAINED or name in idle:
+    for name, result in left.items():
+        if result.status is not Verdict.UNCONSTRAINED or name in idle:
             continue
-        if found.is_all_round:
+        if result.is_all_round:
             periodic.append(sign(name))
         else:
-            groups = bounded if found.role == "parameter" else derived
-            groups.setdefault(range_words(*found.ci95, found.unit), []).append(sign(name))
+            groups = bounded if result.role == "parameter" else derived
+            groups.setdefault(range_words(*result.ci95, result.unit), []).append(sign(name))
     return phrases("next", "unconstrained", without, periodic, bounded, derived)
 
 
@@ -244,31 +249,31 @@ def _unknown(left: Mapping[str, FittedEstimate], *, withdrawn: bool) -> tuple[st
     """Names of values of which nothing is known, by the reason; those ``withdrawn`` among them."""
     verdicts = (Verdict.UNKNOWN, Verdict.WITHDRAWN) if withdrawn else (Verdict.UNKNOWN,)
     groups: dict[str, list[str]] = {}
-    for name, found in left.items():
-        if found.status in verdicts:
-            groups.setdefault(found.reason, []).append(sign(name))
+    for name, result in left.items():
+        if result.status in verdicts:
+            groups.setdefault(result.reason, []).append(sign(name))
     return phrases("next", "unknown", groups)
 
 
 def _urgent(findings: Iterable[Finding]) -> list[Finding]:
     """Errors and warnings that the screen does not express otherwise, causes first."""
-    found = [f for f in findings if f.severity != "note" and f.kind not in EXPRESSED]
-    return sorted(found, key=lambda f: f.kind not in CAUSES)
+    result = [f for f in findings if f.severity != "note" and f.kind not in EXPRESSED]
+    return sorted(result, key=lambda f: f.kind not in CAUSES)
 
 
 def _assumption(result: Result) -> str:
     """The assumption that shifts the first requested value most, and how many others there are."""
     # the first of what the campaign asks for: of its outputs, where it has any
     name, value = next(iter((result.derived or result.parameters).items()), ("", None))
-    found = []
+    shifts = []
     for finding in of_kind(result.findings, Kind.assumption):
         shift = finding.numbers.get(f"{SHIFT}{name}", math.nan)
         # not what the data themselves exclude
         if value is not None and math.isfinite(shift) and finding.numbers["chi_square"] < EXCLUDED:
-            found.append((abs(shift), finding.subject, shift / in_base(value.unit, name)[0]))
-    if not found:
+            shifts.append((abs(shift), finding.subject, shift / in_base(value.unit, name)[0]))
+    if not shifts:
         return ""
-    _, subject, shift = max(found)
+    _, subject, shift = max(shifts)
     others = len(of_kind(result.findings, Kind.assumption)) - 1
     moved = with_prefix(shift, "" if value is None else value.unit, 2, signed=True)
     return phrase("result", "assumed", subject, name, moved, others)
@@ -371,8 +376,8 @@ def target_of(result: Result, left: Mapping[str, FittedEstimate]) -> str:
         result: of a reconstruction.
         left: values that are not determined, by name.
     """
-    asked = [name for name, p in result.parameters.items() if p.asked]
-    wanted = [name for name in (*result.derived, *asked) if name in left]
+    requested = [name for name, p in result.parameters.items() if p.asked]
+    wanted = [name for name in (*result.derived, *requested) if name in left]
     # what nothing is known of comes before what is bounded; parameters that are bounded will do
     # where outputs are what the campaign asks for
     open_ = [

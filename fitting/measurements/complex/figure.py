@@ -50,10 +50,10 @@ def complex_figure(
     rest = residual_points((x, OF_LARGEST), f, (("X", left.real), ("Y", left.imag)))
     rms = number(float(np.sqrt(np.mean(np.abs(left) ** 2) / 2.0)), 2)
     name = f"complex_sweep{f'_{curve.label}' if curve.label else ''}".replace("/", "_")
-    said = f" {curve.label}" if curve.label else ""
+    stated = f" {curve.label}" if curve.label else ""
     return Figure(
         name=name,
-        title=f"Complex sweep{said}: measured and simulated",
+        title=f"Complex sweep{stated}: measured and simulated",
         caption=(
             f"Both quadratures at {f.size} frequencies with the model before and after the fit; "
             f"wiring: {curve.wiring.kind}, background: {curve.wiring.background}. Below: what the "

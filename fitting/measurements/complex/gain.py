@@ -59,8 +59,8 @@ class SharedGain:
         Args:
             columns: number of columns of every segment, of those of other gains as well.
         """
-        beside = sum(2 * (columns[k] - 1) for k in self.members)
-        return beside + (1 + len(self.members) if self.turned else 2)
+        nearby = sum(2 * (columns[k] - 1) for k in self.members)
+        return nearby + (1 + len(self.members) if self.turned else 2)
 
     def solve(
         self,
@@ -78,7 +78,7 @@ class SharedGain:
         if len(self.members) == 1:
             [k] = self.members
             return {k: Solved(designs[k], _least_squares(designs[k], measured[k]))}
-        products, powers, beside = [], [], []
+        products, powers, nearby = [], [], []
         for k in self.members:
             ground = designs[k][:, 1:]
             both = np.column_stack([designs[k][:, 0], measured[k]])
@@ -86,11 +86,11 @@ class SharedGain:
             h, y = (both - ground @ coefficients).T
             products.append(weights[k] ** 2 * np.vdot(h, y))
             powers.append(weights[k] ** 2 * float(np.vdot(h, h).real))
-            beside.append(coefficients)
-        gains = gains_of(products, powers, turned=self.turned)
+            nearby.append(coefficients)
+        gains = gains_of(products, powers, rotated=self.turned)
         return {
             k: Solved(designs[k], np.concatenate([[gain], c[:, 1] - gain * c[:, 0]]))
-            for k, gain, c in zip(self.members, gains, beside, strict=True)
+            for k, gain, c in zip(self.members, gains, nearby, strict=True)
         }
 
     def columns(self, solved: Mapping[int, Solved]) -> list[dict[int, ComplexArray]]:
@@ -100,29 +100,31 @@ class SharedGain:
             solved: members by number.
         """
         gains = {k: solved[k].design[:, 0] for k in self.members}
-        found: list[dict[int, ComplexArray]] = []
+        result: list[dict[int, ComplexArray]] = []
         if self.turned:
             phases = {k: np.exp(1j * np.angle(solved[k].coefficients[0])) for k in gains}
-            found.append({k: phases[k] * h for k, h in gains.items()})
-            found += [{k: 1j * phases[k] * h} for k, h in gains.items()]
+            result.append({k: phases[k] * h for k, h in gains.items()})
+            result += [{k: 1j * phases[k] * h} for k, h in gains.items()]
         else:
-            found += [gains, {k: 1j * h for k, h in gains.items()}]
+            result += [gains, {k: 1j * h for k, h in gains.items()}]
         for k in self.members:
-            for beside in solved[k].design[:, 1:].T:
-                found += [{k: beside}, {k: 1j * beside}]
-        return found
+            for nearby in solved[k].design[:, 1:].T:
+                result += [{k: nearby}, {k: 1j * nearby}]
+        return result
 
 
-def gains_of(products: Sequence[complex], powers: Sequence[float], *, turned: bool) -> ComplexArray:
+def gains_of(
+    products: Sequence[complex], powers: Sequence[float], *, rotated: bool
+) -> ComplexArray:
     """Gain a_k of every segment, equal or of equal moduli: (segments,).
 
     Args:
         products: w_k^2 <h_k, y_k> of every segment.
         powers: w_k^2 <h_k, h_k> of every segment.
-        turned: whether each has a phase of its own.
+        rotated: whether each has a phase of its own.
     """
     total = max(sum(powers), 1e-300)
-    if not turned:
+    if not rotated:
         return np.full(len(products), sum(products) / total)
     modulus = float(np.sum(np.abs(products))) / total
     return np.asarray(modulus * np.exp(1j * np.angle(products)))
@@ -134,5 +136,5 @@ def _least_squares(design: ComplexArray, values: ComplexArray) -> ComplexArray:
         return np.empty((0, *values.shape[1:]), dtype=complex)
     sizes = np.linalg.norm(design, axis=0)
     sizes = np.where(sizes > 0.0, sizes, 1.0)
-    found = np.linalg.lstsq(design / sizes, values, rcond=None)[0]
-    return np.asarray(found / (sizes if found.ndim == 1 else sizes[:, None]))
+    result = np.linalg.lstsq(design / sizes, values, rcond=None)[0]
+    return np.asarray(result / (sizes if result.ndim == 1 else sizes[:, None]))

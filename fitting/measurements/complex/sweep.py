@@ -97,8 +97,8 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
         """The gains of all sweeps: those of single ones, then the one that others share."""
         shared = tuple(k for k, c in enumerate(self.records) if c.shared)
         alone = [SharedGain((k,)) for k, c in enumerate(self.records) if not c.shared]
-        turned = any(self.records[k].restarted for k in shared)
-        return (*alone, *([SharedGain(shared, turned=turned)] if shared else []))
+        rotated = any(self.records[k].restarted for k in shared)
+        return (*alone, *([SharedGain(shared, turned=rotated)] if shared else []))
 
     @property
     def solved_inside(self) -> int:
@@ -140,8 +140,8 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
         """
         known = curve.delay_s
         tau = values[self.delay_name(curve)] if known is None else known
-        turned = np.exp(2j * np.pi * (curve.u_hz - 0.5 * (curve.u_hz[0] + curve.u_hz[-1])) * tau)
-        return np.asarray(curve.y * turned)
+        rotated = np.exp(2j * np.pi * (curve.u_hz - 0.5 * (curve.u_hz[0] + curve.u_hz[-1])) * tau)
+        return np.asarray(curve.y * rotated)
 
     def _delay(self, curve: ComplexCurve) -> Parameter:
         turn = 1.0 / float(np.ptp(curve.u_hz))
@@ -161,9 +161,9 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Complex responses at all frequencies, wired; see `Measurement.predict`."""
-        found = yield from self.responses(model, table, batch)
+        result = yield from self.responses(model, table, batch)
         return [
-            self.wired([responses[k] for responses in found], tuple(map(float, delay)))
+            self.wired([responses[k] for responses in result], tuple(map(float, delay)))
             for k, delay in enumerate(self._delays(model, table))
         ]
 
@@ -227,13 +227,13 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
     def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
         """Coupling and internal quality of every notch or reflection that one mode makes."""
         spreads = [float(np.mean(sigma[mine])) for mine in self.slices]
-        found: dict[str, Estimated] = {}
+        result: dict[str, Estimated] = {}
         each = zip(self.records, prediction.responses, prediction.solved, spreads, strict=True)
         for curve, response, solved, spread in each:
             tag = f"[{curve.label}]" if curve.label else ""
             values = dip_qualities(curve, response, solved, curve.largest * spread)
-            found |= {f"{name}{tag}": value for name, value in values.items()}
-        return found
+            result |= {f"{name}{tag}": value for name, value in values.items()}
+        return result
 
     @property
     def rows_without_response(self) -> FloatArray:

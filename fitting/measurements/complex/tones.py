@@ -65,11 +65,11 @@ class ComplexTones(Tones):
     @cached_property
     def groups(self) -> IntArray:
         """Which reference phase each line has, (n,)."""
-        found, group = [], 0
+        result, group = [], 0
         for k, e in enumerate(self.experiments):
             group += int(phases_of(e).restarted and k > 0)
-            found.append(np.full(len(e.read_hz), group))
-        return np.concatenate(found).astype(np.intp)
+            result.append(np.full(len(e.read_hz), group))
+        return np.concatenate(result).astype(np.intp)
 
     @property
     def has_phases(self) -> bool:
@@ -114,7 +114,7 @@ class ComplexTones(Tones):
         lines = [self.groups == g for g in range(int(self.groups[-1]) + 1)]
         products = [complex(np.vdot(h[mine], weights[mine])) for mine in lines]
         powers = [float(weights[mine] @ np.abs(h[mine]) ** 2) for mine in lines]
-        gains = gains_of(products, powers, turned=True)
+        gains = gains_of(products, powers, rotated=True)
         if self.unknown == "phase":
             gains = np.asarray(chi * np.exp(1j * np.angle(gains)), dtype=complex)
         return np.asarray(gains[self.groups] * z)

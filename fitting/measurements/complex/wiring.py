@@ -60,8 +60,8 @@ class Wiring:
     @property
     def columns(self) -> int:
         """Number of complex unknowns that enter linearly."""
-        beside = BACKGROUNDS.index(self.background)
-        return 1 + (max(beside, 1) if self.has_baseline else beside)
+        nearby = BACKGROUNDS.index(self.background)
+        return 1 + (max(nearby, 1) if self.has_baseline else nearby)
 
     def design(
         self, frequency_hz: FloatArray, response: ComplexArray, delay_s: float, middle_hz: float
@@ -74,7 +74,7 @@ class Wiring:
             delay_s: tau, s.
             middle_hz: u0, Hz.
         """
-        turned = np.exp(-2j * np.pi * (frequency_hz - middle_hz) * delay_s)
+        rotated = np.exp(-2j * np.pi * (frequency_hz - middle_hz) * delay_s)
         x = (frequency_hz - middle_hz) / max(0.5 * float(np.ptp(frequency_hz)), 1e-300)
         columns = np.column_stack([response, np.ones_like(x), x][: self.columns])
-        return np.asarray(columns * turned[:, None])
+        return np.asarray(columns * rotated[:, None])

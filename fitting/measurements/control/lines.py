@@ -25,20 +25,20 @@ def lines_figure(maps: ControlMaps) -> Figure:
         maps: the sweeps as maps would show them.
     """
     curves = [_smooth(s) for s in maps.spectra]
-    found = list(zip(maps.spectra, curves, map(_maxima, curves), strict=True))
-    said = "; ".join(f"{s.label}: {_apart(peaks)}" for s, _, peaks in found if peaks.size > 1)
-    count = how_many(len(found), "sweep")
+    result = list(zip(maps.spectra, curves, map(_maxima, curves), strict=True))
+    stated = "; ".join(f"{s.label}: {_apart(peaks)}" for s, _, peaks in result if peaks.size > 1)
+    count = how_many(len(result), "sweep")
     return Figure(
         name=maps.name,
         title="Response at each setting",
         caption=(
             f"{maps.what} of {count}: measured points, the fitted model as a curve, and the "
             "difference (simulated − measured) below."
-            + (f" Maxima of the fitted curve are marked: {said}." if said else "")
+            + (f" Maxima of the fitted curve are marked: {stated}." if stated else "")
         ),
         alt=f"Lines of {count}: measured points on the fitted curve, and residuals.",
         rows=(
-            tuple(_line(maps, s, curve, peaks) for s, curve, peaks in found),
+            tuple(_line(maps, s, curve, peaks) for s, curve, peaks in result),
             tuple(_left(maps, s) for s in maps.spectra),
         ),
         series=maps.series,

@@ -124,12 +124,12 @@ class ControlMaps:
     @cached_property
     def branches(self) -> list[tuple[float, FloatArray]]:
         """Control and frequencies (Hz) of the maxima of the model's curve, for each spectrum."""
-        found = []
+        result = []
         for value, s in zip(self._at, self.spectra, strict=True):
             a = s.response
             top = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] >= a[2:])) + 1
-            found.append((value, np.array([_vertex(s.frequency_hz, a, int(k)) for k in top])))
-        return found
+            result.append((value, np.array([_vertex(s.frequency_hz, a, int(k)) for k in top])))
+        return result
 
     @property
     def gap(self) -> str:
@@ -138,8 +138,8 @@ class ControlMaps:
         if not apart:
             return ""
         least, at = min(apart)
-        said = f" The model's maxima come closest at {self._place(at)}"
-        return f"{said}, {hertz(least, digits=4)} apart.{self._gaps}"
+        stated = f" The model's maxima come closest at {self._place(at)}"
+        return f"{stated}, {hertz(least, digits=4)} apart.{self._gaps}"
 
     @property
     def _gaps(self) -> str:
@@ -176,7 +176,7 @@ class ControlMaps:
     @property
     def figure(self) -> Figure:
         """Three maps: measured, with the model's branches; simulated; residuals."""
-        pairs = [(at, f) for at, found in self.branches for f in found]
+        pairs = [(at, f) for at, result in self.branches for f in result]
         lines = Layer(
             Role.START,
             Form.POINTS,

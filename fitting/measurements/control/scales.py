@@ -112,10 +112,10 @@ class SpectrumScales:
         power = self._sums(weights * values**2)
         if not np.all(power > 0.0):
             raise NoScale(f"{self.output}: the model answers with nothing; wanted a response")
-        found = self._sums(weights * values * self.measured) / power
+        result = self._sums(weights * values * self.measured) / power
         if np.any(self.quadrature_sigma > 0.0):
-            return self._of_magnitudes(values, LEAST_SCALE * found)
-        return found
+            return self._of_magnitudes(values, LEAST_SCALE * result)
+        return result
 
     def _of_magnitudes(self, values: FloatArray, least: FloatArray) -> FloatArray:
         """Scales from what the squares say, whose mean is chi^2 values^2 + 2 sigma^2, by steps.
@@ -125,10 +125,10 @@ class SpectrumScales:
         sigma, weights = self.quadrature_sigma, self._weights
         shape = weights * values**2
         square = self._sums(shape * (self.measured**2 - 2.0 * sigma**2))
-        found = np.sqrt(np.maximum(square / self._sums(shape * values**2), least**2))
+        result = np.sqrt(np.maximum(square / self._sums(shape * values**2), least**2))
         for _ in range(SCALE_STEPS):
-            seen = mean_magnitude(np.repeat(found, self.counts) * values, sigma)
-            slopes = seen.slope * values
-            pull = self._sums(weights * slopes * (self.measured - seen.mean))
-            found = np.maximum(found + pull / self._sums(weights * slopes**2), least)
-        return found
+            observed = mean_magnitude(np.repeat(result, self.counts) * values, sigma)
+            slopes = observed.slope * values
+            pull = self._sums(weights * slopes * (self.measured - observed.mean))
+            result = np.maximum(result + pull / self._sums(weights * slopes**2), least)
+        return result

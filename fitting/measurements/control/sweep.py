@@ -183,23 +183,23 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         Args:
             prediction: of all spectra, without scale.
         """
-        found = np.zeros((self.rows, self.solved_inside))
+        result = np.zeros((self.rows, self.solved_inside))
         values = self.scaled(prediction, 1.0)
         if self._is_rectified:
             values = mean_magnitude(values, self._quadrature_sigma).slope * values
         values = values / self.sizes
         if self.logarithmic:
             values = np.ones(self.rows)
-        for column, mine in zip(found.T, self.slices, strict=False):
+        for column, mine in zip(result.T, self.slices, strict=False):
             column[mine] = values[mine]
-        return found
+        return result
 
     @property
     def line_width_hz(self) -> float | None:
         """Width of the line that the first spectrum shows, Hz."""
         first = self.spectra[0]
-        found = half_power_width(first.u_hz, first.y)
-        return found if found < np.ptp(first.u_hz) else None
+        result = half_power_width(first.u_hz, first.y)
+        return result if result < np.ptp(first.u_hz) else None
 
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
@@ -212,11 +212,11 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
             batch: where runs are asked for.
             whole: every point is predicted anyway.
         """
-        found = yield from self.responses(model, table, batch)
+        result = yield from self.responses(model, table, batch)
         levels = [s.level for s in self.spectra]
         return [
             Prediction(
-                np.concatenate([np.abs(c[k]) * d for c, d in zip(found, levels, strict=True)])
+                np.concatenate([np.abs(c[k]) * d for c, d in zip(result, levels, strict=True)])
             )
             for k in range(len(table))
         ]
@@ -322,14 +322,14 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         Args:
             residuals: rows (rows,).
         """
-        found = []
+        result = []
         for s, mine in zip(self.spectra, self.slices, strict=True):
             values = s.y * np.exp(residuals[mine]) if self.logarithmic else s.y
             if not self.logarithmic:
                 values = values + residuals[mine] * s.largest
             slope = 1.0 / values if self.logarithmic else np.full(s.y.size, 1.0 / s.largest)
             share = s.y / s.largest if self.logarithmic else np.ones(s.y.size)
-            found.append(
+            result.append(
                 ResidualCurve(
                     rows=np.arange(mine.start, mine.stop),
                     share=share,
@@ -339,7 +339,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
                     first_order=frozenset({Kind.offset} if self.logarithmic else ()),
                 )
             )
-        return tuple(found)
+        return tuple(result)
 
     @property
     def rows_without_response(self) -> FloatArray:
@@ -382,10 +382,10 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         known = bool(np.all(self.sigma > 0.0))
         size = self.sigma * self.sizes if known else 0.01 * self.sizes
         left, unit = (self.seen_as(fitted) - self.measured) / size, "σ" if known else "% of maximum"
-        shown, told = (self.measured, fitted), "" if self.unit == "1" else self.unit
+        shown, given = (self.measured, fitted), "" if self.unit == "1" else self.unit
         if self.logarithmic:
             left, unit = _decibels(fitted / self.measured), "dB"
-            shown, told = (_decibels(self.measured), _decibels(fitted)), f"dB({told})"
+            shown, given = (_decibels(self.measured), _decibels(fitted)), f"dB({given})"
         most = float(np.max(np.abs(left), initial=0.0)) or 1.0
         return ControlMaps(
             spectra=tuple(
@@ -401,7 +401,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
                 for s, mine in zip(self.spectra, self.slices, strict=True)
             ),
             units=self.units,
-            amplitude=Axis("amplitude", told.removesuffix("()")),
+            amplitude=Axis("amplitude", given.removesuffix("()")),
             rest=Axis("simulated - measured", unit, low=-most, high=most),
             series=self.series,
         )

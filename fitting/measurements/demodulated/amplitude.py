@@ -39,7 +39,7 @@ def solved_amplitude(
     factors, power = _guess(unit, measured, sigma)
     count, lead = factors.size, int(np.argmax(np.abs(factors)))
     free = [k for k in range(count) if k != lead]  # the common phase is that of the largest factor
-    turned = factors * np.exp(-1j * np.angle(factors[lead]))
+    rotated = factors * np.exp(-1j * np.angle(factors[lead]))
 
     def amplitude(x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Of real parts x of all factors, imaginary ones, and s^2; with derivatives by x."""
@@ -55,7 +55,7 @@ def solved_amplitude(
             parts.append(rician_rise(length, s)[:, None])
         return rician_mean(length, s), np.concatenate(parts, axis=1)
 
-    begin = [*turned.real, *turned.imag[free], *([power] if sigma is None else [])]
+    begin = [*rotated.real, *rotated.imag[free], *([power] if sigma is None else [])]
     return _least(amplitude, np.array(begin), measured, weights, has_power=sigma is None)
 
 
@@ -106,13 +106,13 @@ def _guess(
     known = 0.0 if sigma is None else sigma**2
     if sigma is None:
         design.append(np.ones((1, measured.size)))
-    found = lstsq(np.concatenate(design).T, measured**2 - 2.0 * known)[0]
-    gram = np.diag(found[:count]).astype(complex)
+    result = lstsq(np.concatenate(design).T, measured**2 - 2.0 * known)[0]
+    gram = np.diag(result[:count]).astype(complex)
     for j, (k, m) in enumerate(upper):
-        gram[k, m] = complex(found[count + 2 * j], found[count + 2 * j + 1])
+        gram[k, m] = complex(result[count + 2 * j], result[count + 2 * j + 1])
         gram[m, k] = np.conj(gram[k, m])
     values, shapes = np.linalg.eigh(gram)
     size = max(float(values[-1]), 0.0)
-    power = known if sigma is not None else max(0.5 * float(found[-1]), 0.0)
+    power = known if sigma is not None else max(0.5 * float(result[-1]), 0.0)
     factors = np.asarray(np.sqrt(size) * shapes[:, -1])
     return (factors if size > 0.0 else np.full(count, np.max(measured), dtype=complex)), power

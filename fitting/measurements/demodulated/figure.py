@@ -51,11 +51,11 @@ def demodulated_figure(
     shares = [100.0 * part[every] for part in parts]
     rest = residual_points((x, OF_LARGEST), t, list(zip(names, shares, strict=True)))
     rms = number(100.0 * float(np.sqrt(np.mean(left**2))), 2)
-    said = f" {trace.label}" if trace.label else ""
+    stated = f" {trace.label}" if trace.label else ""
     what = "amplitudes" if trace.is_amplitude else "phasors"
     return Figure(
         name=f"demodulated{f'_{trace.label}' if trace.label else ''}".replace("/", "_"),
-        title=f"Demodulated trace{said}: measured and simulated",
+        title=f"Demodulated trace{stated}: measured and simulated",
         caption=(
             f"{trace.y.size} {what} at {hertz(trace.frequency_hz)} with the model before and after "
             f"the fit; {_begin(trace)}. Below: what the fit leaves, {rms} % of the largest value "

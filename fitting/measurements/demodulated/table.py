@@ -80,10 +80,10 @@ class DemodulatedTable(TimeTable):
             BadInput: a column or unit that is missing, times that are not an even grid.
         """
         names = self.columns
-        told = Selection(
+        given = Selection(
             time=names.time, amplitude=names.amplitude, phase=names.phase, x=names.X, y=names.Y
         )
-        table = read_recording(self.file, selection=told)
+        table = read_recording(self.file, selection=given)
         column = table.column(names.time or "time")
         where = f"{self.file}: column '{column.name}'"
         factor = convert(1.0, unit_of(table, column, "time (s)"), "s", where=where)

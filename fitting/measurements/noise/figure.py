@@ -52,11 +52,11 @@ def noise_figure(
     rows = spectrum.residuals(after)
     rest = residual_points((x, Axis("signed root of deviance")), u, [("", rows[every])])
     share = float(np.mean((spectrum.y >= low * after) & (spectrum.y <= high * after)))
-    said = f" {spectrum.label}" if spectrum.label else ""
+    stated = f" {spectrum.label}" if spectrum.label else ""
     inside = f"{number(100.0 * share, 3)} % of the points lie within the band"
     return Figure(
         name=f"noise{f'_{spectrum.label}' if spectrum.label else ''}".replace("/", "_"),
-        title=f"Noise spectrum{said}: measured and simulated",
+        title=f"Noise spectrum{stated}: measured and simulated",
         caption=(
             f"{spectrum.seen_hz.size} points of {_averages(spectrum)} with the "
             f"model before and after the fit; {inside} that holds "

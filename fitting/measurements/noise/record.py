@@ -199,8 +199,8 @@ class NoiseRecord(Record, Curve):
         power = np.abs(np.fft.fft(TAPERS[self.window](LENGTH + 1)[:-1])) ** 2
         kernel = np.concatenate([power[-REACH:], power[: REACH + 1]])
         longer = np.pad(shape, REACH, mode="reflect", reflect_type="odd")
-        seen = np.convolve(np.maximum(longer, 0.0), kernel / np.sum(kernel), "valid")
-        return np.asarray(seen[::EVERY])
+        observed = np.convolve(np.maximum(longer, 0.0), kernel / np.sum(kernel), "valid")
+        return np.asarray(observed[::EVERY])
 
     @property
     def is_absolute(self) -> bool:

@@ -121,10 +121,10 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Spectra with the levels and floors that suit the data best."""
-        found = yield from self.responses(model, table, batch)
+        result = yield from self.responses(model, table, batch)
         size = model.setup.drive.amplitude
         return [
-            self.solved([responses[k] / size for responses in found]) for k in range(len(table))
+            self.solved([responses[k] / size for responses in result]) for k in range(len(table))
         ]
 
     def solved(self, responses: Sequence[ComplexArray]) -> Prediction:
@@ -159,7 +159,7 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
     def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
         """Temperature, or the read-out in volts per metre, of every thermal spectrum."""
         columns, begin = self.solved_columns(prediction) / sigma[:, None], 0
-        found: dict[str, Estimated] = {}
+        result: dict[str, Estimated] = {}
         # levels and floors have units of their own: of one size, so that none counts for nothing
         sizes = np.linalg.norm(columns, axis=0)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
@@ -172,10 +172,10 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
             tag, std = f"[{each.label}]" if each.label else "", float(np.sqrt(inverse[at, at]))
             if each.temperature_k:
                 value = float(np.sqrt(a / (Boltzmann * each.temperature_k)))
-                found[f"read-out in {each.unit}/m{tag}"] = Estimated(value, 0.5 * value * std / a)
+                result[f"read-out in {each.unit}/m{tag}"] = Estimated(value, 0.5 * value * std / a)
             elif each.unit == "m" and each.drives_force:
-                found[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
-        return found
+                result[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
+        return result
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Spectra that a constant describes half as well, and that are far off."""

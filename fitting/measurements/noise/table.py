@@ -116,12 +116,12 @@ class NoiseSpectrumTable(RecordTable):
             BadInput: a column or unit that is missing, or no unit of a power spectral density.
         """
         names = self.columns
-        told = Selection(
+        given = Selection(
             frequency=names.frequency,
             amplitude=names.density,
             further=(names.force,) if names.force else (),
         )
-        table = read_recording(self.file, selection=told)
+        table = read_recording(self.file, selection=given)
         frequency = self._column(table, names.frequency, "frequency")
         density = self._column(table, names.density, "density")
         hertz = unit_of(table, frequency, "frequency (Hz)")
@@ -163,22 +163,22 @@ class NoiseSpectrumTable(RecordTable):
     def _density(self, table: Recording, column: Channel) -> Density:
         """The column as a density, by its unit or by what the campaign says that it holds."""
         where = f"{self.file}: column '{column.name}'"
-        found = None if column.unit is None else density_of(table.numbers(column), column.unit)
-        if found is None and self.holds is not None:
-            found = relative_density(table.numbers(column), column.unit, self.holds)
-        if found is None:
+        result = None if column.unit is None else density_of(table.numbers(column), column.unit)
+        if result is None and self.holds is not None:
+            result = relative_density(table.numbers(column), column.unit, self.holds)
+        if result is None:
             unit = unit_of(table, column, "density (V2/Hz)")
             raise BadInput(
                 f"{where}: found unit '{unit}', wanted that of a power spectral density, as V2/Hz "
                 'or nm2/Hz, or of its root, as V/√Hz; or holds = "density" or "root" in '
                 f"[[{self.TABLE}]], of relative numbers"
             )
-        if found.is_relative and self.temperature is not None:
+        if result.is_relative and self.temperature is not None:
             raise BadInput(
                 f"{where}: its numbers are relative ones; wanted a unit, as V2/Hz, with a "
                 "temperature"
             )
-        return found
+        return result
 
     def _column(self, table: Recording, name: str, usual: str) -> Channel:
         """A column by its name in the campaign, else by its usual one."""

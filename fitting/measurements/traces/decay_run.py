@@ -71,11 +71,11 @@ def read_decay(plan: StepPlan, batch: Batch, run: int, output: str) -> FloatArra
         run: its number.
         output: name of the output.
     """
-    seen = batch.samples(run, output)
+    observed = batch.samples(run, output)
     if plan.few is None:
-        return seen
-    found = rebuilt(plan.few, seen[1:], plan.tolerance)  # the first is seen under the pulse
-    return None if found is None else found.samples
+        return observed
+    result = rebuilt(plan.few, observed[1:], plan.tolerance)  # the first is seen under the pulse
+    return None if result is None else result.samples
 
 
 @lru_cache(maxsize=64)

@@ -48,10 +48,10 @@ def trace_figure(
     rms = number(100.0 * float(np.sqrt(np.mean(left**2))) / trace.largest, 2)
     count = trace.y.size
     which = f"{count} samples" if every.step == 1 else f"One of {every.step} of {count} samples"
-    said = f" {trace.label}" if trace.label else ""
+    stated = f" {trace.label}" if trace.label else ""
     return Figure(
         name=f"trace{f'_{trace.label}' if trace.label else ''}".replace("/", "_"),
-        title=f"Trace{said}: measured and simulated",
+        title=f"Trace{stated}: measured and simulated",
         caption=(
             f"{which} with the model before and after the fit; {_input(trace)}; {_start(trace)}. "
             f"Below: what the fit leaves, {rms} % of the largest distance from the mean (rms), and "

@@ -69,9 +69,9 @@ class Look:
         An output that follows its input at once then moves when the next step is over, not at its
         start, where one that stands between steps of its own does.
         """
-        held = self.signal.values
-        seen = np.concatenate([held[:1], held])[-self.closer.samples :]
-        return SampledSignal(self.signal.names, self.signal.step_s, held, seen)
+        kept = self.signal.values
+        observed = np.concatenate([kept[:1], kept])[-self.closer.samples :]
+        return SampledSignal(self.signal.names, self.signal.step_s, kept, observed)
 
     @cached_property
     def pushed(self) -> BoolArray:

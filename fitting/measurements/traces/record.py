@@ -214,12 +214,12 @@ class TraceRecord(TimeRecord):
         steps = (lead + count - 1) * per_sample
         edges = self.t[0] + (np.arange(steps + 1) / per_sample - lead) * self.spacing_s
         times = self.t[0] + np.arange(count) * self.spacing_s
-        held, seen = np.empty((steps, 0)), np.empty((count, 0))
+        kept, observed = np.empty((steps, 0)), np.empty((count, 0))
         names, waves = tuple(self.waveforms), self.waveforms.values()
         if names:
-            held = np.stack([wave.means(edges) for wave in waves], axis=1)
-            seen = np.stack([wave.at(times) for wave in waves], axis=1)
-        return SampledSignal(names, self.spacing_s / per_sample, held, seen)
+            kept = np.stack([wave.means(edges) for wave in waves], axis=1)
+            observed = np.stack([wave.at(times) for wave in waves], axis=1)
+        return SampledSignal(names, self.spacing_s / per_sample, kept, observed)
 
     def look(self, fine: int, most: int = LOOKED) -> Look | None:
         """A closer look at its run under the input; None: nothing but its start moves it.

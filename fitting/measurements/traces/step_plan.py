@@ -162,12 +162,12 @@ def planned_steps(
     else:
         steps //= 2  # the last runs told of those before
     pair = bool(finer.driven) and one.bound > wanted and two.bound < one.bound
-    found = two if pair else one
+    result = two if pair else one
     return replace(
         plan,
         per_sample=steps,
-        bound=found.bound,
-        change=found.changed,
+        bound=result.bound,
+        change=result.changed,
         runs=runs,
         extrapolated=pair,
     )

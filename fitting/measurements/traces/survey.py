@@ -139,9 +139,9 @@ class Survey(Generic[T]):
         left = max(0.0, plan.budget.left_beside(Decided.STEP))
         runs = partial(self._simulated, [p])
         coarsest = before.per_sample // 2 if before.extrapolated else before.per_sample
-        begun = replace(before, per_sample=coarsest)
+        started = replace(before, per_sample=coarsest)
         try:
-            steps = planned_steps(begun, runs, left, self.trace.run_samples)
+            steps = planned_steps(started, runs, left, self.trace.run_samples)
             steps = self._looked_closely([p], steps, left)
         except NoAnswer:
             raise
@@ -192,13 +192,13 @@ class Survey(Generic[T]):
             return steps
         values = self.model.whole.values(points[0], trace.label or None, trace.settings)
         output = self.kind.output_of(trace)
-        asked = [
+        requested = [
             batch.ask(values, look.closer, look.held_signal, output),
             batch.ask(values, look.window, look.signal, output),
         ]
         half = trace.look(fine // 2, LOOKED // 2) if steps.extrapolated else None
         if half is not None:
-            asked.append(batch.ask(values, half.window, half.signal, output))
+            requested.append(batch.ask(values, half.window, half.signal, output))
         try:
             batch.simulate(self.workers)
         except NoAnswer:
@@ -206,9 +206,9 @@ class Survey(Generic[T]):
         except FmuFailure:  # it refuses short steps
             batch.forget()
             return steps
-        seen = batch.samples(asked[0], output)
-        finest = Asked(driven=asked[1], coarse=asked[2] if half is not None else None)
-        stands_s, runs = look.standing_s(seen), steps.runs + len(asked)
+        observed = batch.samples(requested[0], output)
+        finest = Asked(driven=requested[1], coarse=requested[2] if half is not None else None)
+        stands_s, runs = look.standing_s(observed), steps.runs + len(requested)
         if stands_s:
             return self._standing(values, replace(steps, runs=runs, stands_s=stands_s))
         coarse = self._under_input(points[0], steps)
@@ -283,7 +283,7 @@ class Survey(Generic[T]):
         """
         trace, kind, batch = self.trace, self.kind, self.batch
         output, plan = kind.output_of(trace), self._plan(1)
-        asked = [
+        requested = [
             (
                 kind.ask(self._with(plan), trace, p, batch, 0),
                 kind.ask(self._with(steps), trace, p, batch, 0),
@@ -298,7 +298,7 @@ class Survey(Generic[T]):
             batch.forget()
             return np.inf, np.inf
         worst = [(0.0, 0.0)]
-        for whole, few in asked:
+        for whole, few in requested:
             decays = [
                 None if runs.decay is None else read_decay(how, batch, runs.decay, output)
                 for runs, how in ((whole, plan), (few, steps))
@@ -326,11 +326,13 @@ class Survey(Generic[T]):
         """Outputs of its runs at all points, with so many steps between two samples."""
         model, batch = self._with(self._plan(per_sample)), self.batch
         output = self.kind.output_of(self.trace)
-        asked = [self.kind.ask(model, self.trace, p, batch, 0) for p in points]
+        requested = [self.kind.ask(model, self.trace, p, batch, 0) for p in points]
         batch.simulate(self.workers)
-        others = [run for runs in asked for run in (runs.decay, runs.further) if run is not None]
+        others = [
+            run for runs in requested for run in (runs.decay, runs.further) if run is not None
+        ]
         return StepRuns(
-            [batch.samples(runs.driven, output) for runs in asked if runs.driven is not None],
+            [batch.samples(runs.driven, output) for runs in requested if runs.driven is not None],
             [batch.samples(run, output) for run in others],
         )
 
@@ -339,10 +341,10 @@ class Survey(Generic[T]):
         output = self.kind.output_of(self.trace)
         runs = self.kind.ask(self._with(steps), self.trace, p, self.batch, 0)
         self.batch.simulate(self.workers)
-        found = runs.under_input(self.batch, output)
-        if found is None:
+        result = runs.under_input(self.batch, output)
+        if result is None:
             raise TypeError(f"{self.trace.source}: nothing drives it")
-        return found
+        return result
 
     def _that_run(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
         """The points that the FMU takes, the first in any case: it may refuse a part of the box."""
@@ -388,10 +390,10 @@ class Survey(Generic[T]):
 
 
 def _change(
-    found: FloatArray | ComplexArray | None, expected: FloatArray | ComplexArray | None
+    result: FloatArray | ComplexArray | None, expected: FloatArray | ComplexArray | None
 ) -> float:
     """Largest difference over the largest value."""
-    if found is None or expected is None:
+    if result is None or expected is None:
         return np.inf
     largest = float(np.max(np.abs(expected)))
-    return float(np.max(np.abs(found - expected))) / largest if largest > 0.0 else 0.0
+    return float(np.max(np.abs(result - expected))) / largest if largest > 0.0 else 0.0

@@ -177,8 +177,8 @@ class TraceTable(TimeTable):
         names = self.columns
         named = tuple(filter(None, (names.output, names.input)))
         table = read_recording(self.file, selection=Selection(time=names.time, further=named))
-        seen = names.output or self.output or output
-        there = map(table.find, (names.time or "time", seen, *self.further_inputs))
+        observed = names.output or self.output or output
+        there = map(table.find, (names.time or "time", observed, *self.further_inputs))
         table.check(channel for channel in there if channel is not None)
         time = self._column(table, names.time or "time", "time (s)", "s")
         spacing_s(time.values, str(self.file), table.places)
@@ -188,7 +188,7 @@ class TraceTable(TimeTable):
             known = names.input or self.start != UNKNOWN or table.find(wanted) is not None
             if known and self.begin == FIRST:
                 driven = self._column(table, wanted, f"{wanted} (V)")
-        values = self._column(table, seen, f"{seen} (V)")
+        values = self._column(table, observed, f"{observed} (V)")
         further = {n: self._further(table, n) for n in self.further_inputs}
         return ReadTrace(time, values, driven, further)
 
@@ -217,7 +217,7 @@ class TraceTable(TimeTable):
         """The trace in the names and units of the FMU."""
         trace = self.checked(partial(self.read_columns, setup.output), binder, setup)
         variables = binder.variables
-        seen = variables[self.output or setup.output]
+        observed = variables[self.output or setup.output]
         driven: tuple[FloatArray, FloatArray] | Waveform | None = None
         if self.input is not None and self.signal is not None:
             driven = self.signal.waveform(variables[self.input].unit)
@@ -230,9 +230,9 @@ class TraceTable(TimeTable):
                 driven = _on_clock(trace.time, binder, variables[self.input], trace.driven)
         values, decays = trace.output, self.start == UNKNOWN and driven is None
         if self.gain == ONE and not decays:  # a free decay has no gain of its own
-            if seen.unit is None:
-                binder.note_missing_unit(seen)
-            values = _as_output(values, seen.unit)
+            if observed.unit is None:
+                binder.note_missing_unit(observed)
+            values = _as_output(values, observed.unit)
         return TraceRecord(
             trace.time.values,
             values.values,

@@ -142,7 +142,7 @@ class TimeRecord(Record):
             window: samples of the response; None: `pulse_window`.
         """
         window = window or self.pulse_window
-        held = np.zeros((per_sample * window.samples, 1))
-        held[:per_sample] = level
+        kept = np.zeros((per_sample * window.samples, 1))
+        kept[:per_sample] = level
         step_s = window.step_s / per_sample
-        return SampledSignal((self.input,), step_s, held, np.zeros((window.samples, 1)))
+        return SampledSignal((self.input,), step_s, kept, np.zeros((window.samples, 1)))

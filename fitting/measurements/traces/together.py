@@ -101,19 +101,19 @@ class TracesTogether(Together[R]):
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Values of every trace, with the best of what is solved inside."""
-        asked = [
+        requested = [
             [self.ask(model, trace, p, batch, k) for trace in self.traces]
             for k, p in enumerate(table)
         ]
         yield
-        decays = yield from self.decays(model, table, asked, batch)
-        found: list[Prediction] = []
-        for each, free in zip(asked, decays, strict=True):
+        decays = yield from self.decays(model, table, requested, batch)
+        result: list[Prediction] = []
+        for each, free in zip(requested, decays, strict=True):
             trios = zip(self.traces, each, free, strict=True)
             values, designs = zip(*(self.read(*trio, batch) for trio in trios), strict=True)
             solved = tuple(Solved(design, np.empty(0)) for design in designs)
-            found.append(Prediction(np.concatenate(values), solved=solved))
-        return found
+            result.append(Prediction(np.concatenate(values), solved=solved))
+        return result
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives of the rows by what is solved inside."""
@@ -127,7 +127,7 @@ class TracesTogether(Together[R]):
         self,
         model: DrivenModel,
         table: FloatArray,
-        asked: Sequence[Sequence[Asked]],
+        requested: Sequence[Sequence[Asked]],
         batch: Batch,
     ) -> Generator[None, None, list[list[FloatArray | None]]]:
         """Responses to a pulse, for every parameter vector and trace; None where none was asked.
@@ -137,18 +137,18 @@ class TracesTogether(Together[R]):
         Args:
             model: the FMU as the series drives it.
             table: parameter vectors (k, n), each in its own unit.
-            asked: runs that the batch has simulated.
+            requested: runs that the batch has simulated.
             batch: that has.
         """
-        found: list[list[FloatArray | None]] = [[None] * len(self.traces) for _ in table]
+        result: list[list[FloatArray | None]] = [[None] * len(self.traces) for _ in table]
         again: dict[tuple[int, int], int] = {}
         for i, trace in enumerate(self.traces):
             plan, output = model.plan.step_plan(self.key(trace)), self.output_of(trace)
             for k, p in enumerate(table):
-                run = asked[k][i].decay
+                run = requested[k][i].decay
                 if run is None:
                     continue
-                found[k][i] = whole = (
+                result[k][i] = whole = (
                     batch.samples(run, output)
                     if plan is None
                     else read_decay(plan, batch, run, output)
@@ -159,5 +159,5 @@ class TracesTogether(Together[R]):
         if again:
             yield
         for (k, i), run in again.items():
-            found[k][i] = batch.samples(run, self.output_of(self.traces[i]))
-        return found
+            result[k][i] = batch.samples(run, self.output_of(self.traces[i]))
+        return result

@@ -121,12 +121,12 @@ class Traces(TracesTogether[TraceRecord]):
         """Values (n,) of a trace, with the best gain, offset and start; derivatives (n, k)."""
         count = trace.y.size
         base, columns = np.zeros(count), []
-        seen = runs.under_input(batch, self.output_of(trace))
-        if seen is not None:
+        observed = runs.under_input(batch, self.output_of(trace))
+        if observed is not None:
             if trace.gain == FIT:
-                columns.append(seen)
+                columns.append(observed)
             else:
-                base = seen
+                base = observed
         if trace.offset:
             columns.append(np.ones(count))
         if decay is not None:

@@ -229,10 +229,10 @@ class Chirp:
         inside = np.clip(edges_s, self.at_s, self.at_s + self.length_s)
         begin, length = inside[:-1], np.diff(inside)
         nodes, weights = np.polynomial.legendre.leggauss(NODES)
-        found = np.zeros(length.size)
+        result = np.zeros(length.size)
         for x, w in zip(nodes, weights, strict=True):
-            found += 0.5 * w * self.at(begin + 0.5 * (x + 1.0) * length)
-        return np.asarray(found * length / np.diff(edges_s))
+            result += 0.5 * w * self.at(begin + 0.5 * (x + 1.0) * length)
+        return np.asarray(result * length / np.diff(edges_s))
 
     @property
     def words(self) -> str:

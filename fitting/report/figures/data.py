@@ -117,18 +117,18 @@ def shown_in(axes: Axes) -> Iterator[Shown]:
     for line in axes.get_lines():
         if line.get_transform() == axes.transData:  # no lines from edge to edge
             yield Shown(_label(line.get_label()), line, _finite([line.get_xydata()]), none)
-    for found in axes.collections:
-        label = _label(found.get_label())
-        if isinstance(found, PathCollection):
-            yield Shown(label, found, _finite([np.ma.getdata(found.get_offsets())]), none)
-        elif isinstance(found, LineCollection) and found.get_transform() == axes.transData:
-            yield Shown(label, found, _finite(found.get_segments()), none)
-        elif isinstance(found, QuadMesh) and found in PLACES:
-            values = np.asarray(found.get_array(), float).ravel()
+    for result in axes.collections:
+        label = _label(result.get_label())
+        if isinstance(result, PathCollection):
+            yield Shown(label, result, _finite([np.ma.getdata(result.get_offsets())]), none)
+        elif isinstance(result, LineCollection) and result.get_transform() == axes.transData:
+            yield Shown(label, result, _finite(result.get_segments()), none)
+        elif isinstance(result, QuadMesh) and result in PLACES:
+            values = np.asarray(result.get_array(), float).ravel()
             # one bar explains the meshes of all columns
             bars = (m.colorbar for m in axes.collections if m.colorbar)
             colours = next((bare(bar.ax.get_ylabel()) for bar in bars), "")
-            yield Shown(label, found, (PLACES[found],), values, colours)
+            yield Shown(label, result, (PLACES[result],), values, colours)
 
 
 def _finite(parts: Iterable[object]) -> tuple[FloatArray, ...]:
@@ -147,4 +147,4 @@ def bare(text: str) -> str:
     Args:
         text: as matplotlib sets it.
     """
-    return " ".join(_MARKUP.sub("", _INDEX.sub(lambda found: index(found[1]), text)).split())
+    return " ".join(_MARKUP.sub("", _INDEX.sub(lambda result: index(result[1]), text)).split())

@@ -51,26 +51,26 @@ def _colours(verdicts: Sequence[Verdict]) -> dict[str, str]:
     for verdict, colour in VERDICT_COLOURS.items():
         if verdict in verdicts:
             words.setdefault(colour, []).append(str(verdict))
-    return {colour: " or ".join(said) for colour, said in words.items()}
+    return {colour: " or ".join(stated) for colour, stated in words.items()}
 
 
-def knowledge_figures(found: Values, title: str, *, synthetic: bool) -> list[Planned]:
+def knowledge_figures(result: Values, title: str, *, synthetic: bool) -> list[Planned]:
     """Every figure that there is something for, in order, yet to be drawn.
 
     Args:
-        found: values with their profiles.
+        result: values with their profiles.
         title: of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
     draws: dict[str, Callable[..., Described]] = {}
-    if _curved(found):
-        draws[PROFILES] = partial(draw_profiles, found)
-    if len(_together(found)) > 1:
-        draws[TOGETHER] = partial(draw_together, found)
-    if _along(found) is not None:
-        draws[OUTPUTS] = partial(draw_outputs, found)
+    if _curved(result):
+        draws[PROFILES] = partial(draw_profiles, result)
+    if len(_together(result)) > 1:
+        draws[TOGETHER] = partial(draw_together, result)
+    if _along(result) is not None:
+        draws[OUTPUTS] = partial(draw_outputs, result)
     # without a corner all that there is to see is said in its sentences
-    nu = None if found.knowledge is None else found.knowledge.nu
+    nu = None if result.knowledge is None else result.knowledge.nu
     if nu is not None and not math.isnan(nu.corner):
         draws[NU] = partial(draw_nu, nu)
     return [
@@ -79,57 +79,57 @@ def knowledge_figures(found: Values, title: str, *, synthetic: bool) -> list[Pla
     ]
 
 
-def _curved(found: Values) -> dict[str, FittedEstimate]:
+def _curved(result: Values) -> dict[str, FittedEstimate]:
     """Profiles that the data bend anywhere, few of them; a flat one is a line on the axis."""
-    return dict(list(_bent(found).items())[:MOST_PROFILES])
+    return dict(list(_bent(result).items())[:MOST_PROFILES])
 
 
-def _bent(found: Values) -> dict[str, FittedEstimate]:
-    highest = {name: max(scan.delta_chi2, default=0.0) for name, scan in found.scans.items()}
-    return {name: p for name, p in found.profiled.items() if highest[name] >= BENT}
+def _bent(result: Values) -> dict[str, FittedEstimate]:
+    highest = {name: max(scan.delta_chi2, default=0.0) for name, scan in result.scans.items()}
+    return {name: p for name, p in result.profiled.items() if highest[name] >= BENT}
 
 
-def _flat(found: Values) -> list[str]:
-    bent = _bent(found)
-    return [name for name, scan in found.scans.items() if scan.values and name not in bent]
+def _flat(result: Values) -> list[str]:
+    bent = _bent(result)
+    return [name for name, scan in result.scans.items() if scan.values and name not in bent]
 
 
-def undrawn_sentence(found: Values, figures: Sequence[Described]) -> str:
+def undrawn_sentence(result: Values, figures: Sequence[Described]) -> str:
     """Which values have a flat profile, where no figure of profiles has it in its caption.
 
     Args:
-        found: values with their profiles.
+        result: values with their profiles.
         figures: that are drawn.
     """
-    names = _flat(found)
+    names = _flat(result)
     if not names or any(figure.name == PROFILES for figure in figures):
         return ""
     return phrase("knowledge", "flat", names)
 
 
-def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Described:
+def draw_profiles(result: Values, campaign: str, *, synthetic: bool) -> Described:
     """Profile likelihood of every value with the thresholds of its intervals.
 
     Args:
-        found: values with their profiles.
+        result: values with their profiles.
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    shown = _curved(found)
+    shown = _curved(result)
     words = described(
         PROFILES,
         words=[f"{name} {value.status}{value.condition}" for name, value in shown.items()],
-        widened=any(v.simulation > WORTH_SAYING * found.scans[n].sigma for n, v in shown.items()),
-        flat=_flat(found),
-        further=list(_bent(found))[MOST_PROFILES:],
+        widened=any(v.simulation > WORTH_SAYING * result.scans[n].sigma for n, v in shown.items()),
+        flat=_flat(result),
+        further=list(_bent(result))[MOST_PROFILES:],
         most=MOST_PROFILES,
-        unscanned=[name for name, scan in found.scans.items() if not scan.values],
+        unscanned=[name for name, scan in result.scans.items() if not scan.values],
     )
     height = 1.3 + 1.75 * math.ceil(len(shown) / PER_ROW)
     figure = new_figure(words.title, campaign, synthetic=synthetic, height=height)
     axes = panels(figure, len(shown), PER_ROW)
     for k, (name, value) in enumerate(shown.items()):
-        profile(value, found.scans[name], ax=axes[k])
+        profile(value, result.scans[name], ax=axes[k])
         if k % PER_ROW:
             axes[k].set_ylabel("")
     handles = [
@@ -144,72 +144,72 @@ def draw_profiles(found: Values, campaign: str, *, synthetic: bool) -> Described
     return replace(words, drawn=figure)
 
 
-def _drawn(found: Values, values: Mapping[str, FittedEstimate]) -> list[str]:
+def _drawn(result: Values, values: Mapping[str, FittedEstimate]) -> list[str]:
     """Values whose profile has points enough for a plane."""
-    return [n for n in values if n in found.scans and len(found.scans[n].values) > 1]
+    return [n for n in values if n in result.scans and len(result.scans[n].values) > 1]
 
 
-def _together(found: Values) -> list[str]:
+def _together(result: Values) -> list[str]:
     """Parameters that are drawn against each other: those least determined, few of them."""
-    names = _drawn(found, found.parameters)
-    ranked = sorted(names, key=lambda name: found.parameters[name].shrinkage)
+    names = _drawn(result, result.parameters)
+    ranked = sorted(names, key=lambda name: result.parameters[name].shrinkage)
     return [name for name in names if name in ranked[:MOST_TOGETHER]]
 
 
-def draw_together(found: Values, campaign: str, *, synthetic: bool) -> Described:
+def draw_together(result: Values, campaign: str, *, synthetic: bool) -> Described:
     """Parameters against each other over all fits that the profiles went through.
 
     Args:
-        found: values with their profiles.
+        result: values with their profiles.
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    names = _together(found)
-    around = [name for name in names if found.parameters[name].is_all_round]
+    names = _together(result)
+    around = [name for name in names if result.parameters[name].is_all_round]
     words = described(TOGETHER, names=names, around=around)
     pairs = list(itertools.combinations(names, 2))
     height = 1.3 + 2.3 * math.ceil(len(pairs) / PER_ROW)
     figure = new_figure(words.title, campaign, synthetic=synthetic, height=height)
     axes = panels(figure, len(pairs), PER_ROW)
     for panel, (one, other) in zip(axes, pairs, strict=True):
-        together(found, one, other, ax=panel)
+        together(result, one, other, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
     return replace(words, drawn=figure)
 
 
-def _along(found: Values) -> tuple[str, list[str]] | None:
+def _along(result: Values) -> tuple[str, list[str]] | None:
     """The least determined parameter and the outputs that are drawn over it."""
-    outputs = _drawn(found, found.derived)
-    outputs.sort(key=lambda name: found.derived[name].shrinkage)
-    names = _drawn(found, found.parameters)
+    outputs = _drawn(result, result.derived)
+    outputs.sort(key=lambda name: result.derived[name].shrinkage)
+    names = _drawn(result, result.parameters)
     if not outputs or not names:
         return None
     # one that goes round is an angle, and what hangs on an angle is best seen over it
     names.sort(
         key=lambda n: (
-            not found.parameters[n].is_all_round,
-            found.parameters[n].shrinkage,
+            not result.parameters[n].is_all_round,
+            result.parameters[n].shrinkage,
         )
     )
     kept = outputs[:MOST_OUTPUTS]
-    return names[0], [name for name in found.derived if name in kept]
+    return names[0], [name for name in result.derived if name in kept]
 
 
-def draw_outputs(found: Values, campaign: str, *, synthetic: bool) -> Described:
+def draw_outputs(result: Values, campaign: str, *, synthetic: bool) -> Described:
     """Derived outputs over the least determined parameter, with their prior and data intervals.
 
     Args:
-        found: values with their profiles.
+        result: values with their profiles.
         campaign: title of the campaign.
         synthetic: whether the data are synthetic, which the figure then says.
     """
-    chosen = _along(found)
+    chosen = _along(result)
     if chosen is None:
         raise ValueError("no output to draw over a parameter")
     parameter, outputs = chosen
-    shown = {name: found.derived[name] for name in outputs}
+    shown = {name: result.derived[name] for name in outputs}
     # points are missing where an output has no value
-    paths = [scan.path for scan in found.scans.values()]
+    paths = [scan.path for scan in result.scans.values()]
     words = described(
         OUTPUTS,
         parameter=parameter,
@@ -220,7 +220,7 @@ def draw_outputs(found: Values, campaign: str, *, synthetic: bool) -> Described:
     figure = new_figure(words.title, campaign, synthetic=synthetic, height=height)
     axes = panels(figure, len(outputs), 2)
     for panel, name in zip(axes, outputs, strict=True):
-        output(found, name, parameter, ax=panel)
+        output(result, name, parameter, ax=panel)
     legend_below(figure, handles_of(axes[0]), ncols=3)
     return replace(words, drawn=figure)
 
@@ -258,36 +258,36 @@ VERDICT_COLOURS = {
 MOST_SERIES = 6
 
 
-def profile(found: FittedEstimate, scan: Scan, *, ax: Axes | None = None) -> Axes:
+def profile(result: FittedEstimate, scan: Scan, *, ax: Axes | None = None) -> Axes:
     """Draw a profile likelihood: the least Δχ² that fits reach at each value.
 
     Dashed lines are the thresholds of the 68 % and 95 % intervals, 1 and 3.84; the band is the 95 %
     interval, its colour and the title the verdict.
 
     Args:
-        found: the value, drawn in its unit.
+        result: the value, drawn in its unit.
         scan: the points of its profile.
         ax: where to draw; pyplot's current axes if not given.
     """
     axes = axes_of(ax)
-    values = [v for v in (*scan.values, *found.ci95) if math.isfinite(v)]
-    colour = VERDICT_COLOURS.get(found.status, GREY)
+    values = [v for v in (*scan.values, *result.ci95) if math.isfinite(v)]
+    colour = VERDICT_COLOURS.get(result.status, GREY)
     # what it holds under would not fit beside the next title: tables and sentences tell it
     axes.set_title(
-        f"{mathtext(found.name)}: {found.status}", color=colour, loc="left", fontsize="small"
+        f"{mathtext(result.name)}: {result.status}", color=colour, loc="left", fontsize="small"
     )
     axes.set_ylim(-0.35, HIGHEST)
     axes.set_ylabel("Δχ²")
     if not values:
         say_empty(axes, "no value")
         return axes
-    scaling = scaling_for(values, found.unit)
-    if all(map(math.isfinite, found.ci95)):
-        low, high = (scaling(v) for v in found.ci95)
+    scaling = scaling_for(values, result.unit)
+    if all(map(math.isfinite, result.ci95)):
+        low, high = (scaling(v) for v in result.ci95)
         axes.axvspan(low, high, color=colour, alpha=0.15, linewidth=0.0)
     for level in (AT_68, AT_95):
         axes.axhline(level, color=GREY, linestyle="--", linewidth=0.9)
-    kept = _near(found, scan)
+    kept = _near(result, scan)
     xs, ys = [scaling(scan.values[k]) for k in kept], [scan.delta_chi2[k] for k in kept]
     axes.plot(
         xs,
@@ -298,17 +298,17 @@ def profile(found: FittedEstimate, scan: Scan, *, ax: Axes | None = None) -> Axe
         linewidth=1,
         label="profile",
     )
-    axes.set_xlabel(scaling.label(mathtext(found.name)))
+    axes.set_xlabel(scaling.label(mathtext(result.name)))
     plain_ticks(axes, x=3)
     axes.set_yticks([0.0, AT_68, AT_95, HIGHEST], ["0", "1", "3.84", "8"])
     return axes
 
 
-def _near(found: FittedEstimate, scan: Scan) -> list[int]:
+def _near(result: FittedEstimate, scan: Scan) -> list[int]:
     """Points of a profile worth drawing: not those far beyond the threshold."""
-    low, high = found.ci95
+    low, high = result.ci95
     if math.isnan(low):
-        low, high = found.bounds
+        low, high = result.bounds
     room = 0.25 * (high - low)
     return [
         k
@@ -317,7 +317,7 @@ def _near(found: FittedEstimate, scan: Scan) -> list[int]:
     ]
 
 
-def together(found: Values, one: str, other: str, *, ax: Axes | None = None) -> Axes:
+def together(result: Values, one: str, other: str, *, ax: Axes | None = None) -> Axes:
     """Draw two parameters against each other over all fits that the profiles went through.
 
     Filled where a point fits the data at 95 % (Δχ² ≤ 3.84), pale where it does not; the star is the
@@ -325,13 +325,13 @@ def together(found: Values, one: str, other: str, *, ax: Axes | None = None) -> 
     such lines: its profile holds one period, wherever its box ends.
 
     Args:
-        found: values with their profiles.
+        result: values with their profiles.
         one: name of the parameter along x, drawn in its unit.
         other: name of the parameter along y, drawn in its unit.
         ax: where to draw; pyplot's current axes if not given.
     """
-    axes, known = axes_of(ax), found.parameters
-    (x, delta), (y, _) = _cloud(found, one), _cloud(found, other)
+    axes, known = axes_of(ax), result.parameters
+    (x, delta), (y, _) = _cloud(result, one), _cloud(result, other)
     across = scaling_for([*_range(known[one])], known[one].unit)
     up = scaling_for([*_range(known[other])], known[other].unit)
     _scatter(axes, [across(v) for v in x], [up(v) for v in y], delta)
@@ -346,21 +346,21 @@ def together(found: Values, one: str, other: str, *, ax: Axes | None = None) -> 
     return axes
 
 
-def output(found: Values, name: str, parameter: str, *, ax: Axes | None = None) -> Axes:
+def output(result: Values, name: str, parameter: str, *, ax: Axes | None = None) -> Axes:
     """Draw a derived output over a parameter at every fit that the profiles went through.
 
     The bars at the right edge are the range of the output without data (grey) and its 95 % interval
     with them (blue).
 
     Args:
-        found: values with their profiles.
+        result: values with their profiles.
         name: of the output, drawn in its unit.
         parameter: name of the parameter along x, drawn in its unit.
         ax: where to draw; pyplot's current axes if not given.
     """
     axes = axes_of(ax)
-    read, own = found.derived[name], found.parameters[parameter]
-    (x, delta), (y, _) = _cloud(found, parameter), _cloud(found, name)
+    read, own = result.derived[name], result.parameters[parameter]
+    (x, delta), (y, _) = _cloud(result, parameter), _cloud(result, name)
     across = scaling_for([*_range(own)], own.unit)
     up = scaling_for([*read.bounds, read.likely], read.unit)
     exists = np.isfinite(y)
@@ -394,15 +394,15 @@ def _range(value: FittedEstimate) -> Interval:
     return (low, high) if math.isfinite(low) else value.bounds
 
 
-def _cloud(found: Values, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _cloud(result: Values, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Values of a parameter or output at all points of all profiles, and Dchi^2 there."""
     values, deltas = [], []
-    for scan in found.scans.values():
+    for scan in result.scans.values():
         if name in scan.path:
             values += list(scan.path[name])
             deltas += list(scan.delta_chi2)
     cloud, delta = np.array(values), np.array(deltas)
-    own = found.parameters.get(name)
+    own = result.parameters.get(name)
     if own is not None and own.is_all_round and own.period is not None:
         cloud = _range(own)[0] + np.mod(cloud - _range(own)[0], own.period)
     return cloud, delta

@@ -364,8 +364,8 @@ def notable(residuals: Sequence[float]) -> list[int]:
     Args:
         residuals: one per point, relative.
     """
-    found = [k for k, r in enumerate(residuals) if math.isfinite(r) and abs(r) > NOTABLE_SIGMA]
-    return sorted(found, key=lambda k: -abs(residuals[k]))
+    result = [k for k, r in enumerate(residuals) if math.isfinite(r) and abs(r) > NOTABLE_SIGMA]
+    return sorted(result, key=lambda k: -abs(residuals[k]))
 
 
 def drift_among(
@@ -400,12 +400,12 @@ def _columns(result: Compared) -> list[float]:
     counts = dict.fromkeys(places, 0)
     for peak in result.peaks:
         counts[peak.experiment] += 1
-    seen, x = dict.fromkeys(places, 0), []
+    observed, x = dict.fromkeys(places, 0), []
     for peak in result.peaks:
         count = counts[peak.experiment]
         step = 0.5 / max(1, count - 1)
-        x.append(places[peak.experiment] + (seen[peak.experiment] - 0.5 * (count - 1)) * step)
-        seen[peak.experiment] += 1
+        x.append(places[peak.experiment] + (observed[peak.experiment] - 0.5 * (count - 1)) * step)
+        observed[peak.experiment] += 1
     return x
 
 
@@ -433,11 +433,11 @@ def _after(marker: str) -> dict[str, Any]:
 
 def _draw_means(axes: Axes, result: Compared) -> None:
     """Dashed mean lines, their numbers in the legend beside the marker that they belong to."""
-    for colour, face, found, when in (
+    for colour, face, deviation, when in (
         (ink(), axes.get_facecolor(), result.deviations.initial, "before"),
         (AFTER, AFTER, result.deviations.final, "after"),
     ):
-        axes.axhline(found.mean, color=colour, linestyle="--", linewidth=1.1, zorder=2)
+        axes.axhline(deviation.mean, color=colour, linestyle="--", linewidth=1.1, zorder=2)
         axes.plot(
             [],
             [],
@@ -446,7 +446,7 @@ def _draw_means(axes: Axes, result: Compared) -> None:
             marker="o",
             markersize=5.5,
             markerfacecolor=face,
-            label=f"{when}, mean {number(found.mean, 3)}",
+            label=f"{when}, mean {number(deviation.mean, 3)}",
         )
 
 
