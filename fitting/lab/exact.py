@@ -83,41 +83,6 @@ def crest(modes: TwoModes, observed: int) -> float:
         return float(abs(_phasors(modes, damping, (low + high) / 2)[observed]))
 
 
-def runge_kutta_amplitudes(
-    modes: TwoModes, observed: int, tones_hz: Sequence[float], substep_s: float
-) -> FloatArray:
-    """What the classical Runge-Kutta method settles to, amplitudes (n,) per unit drive, s^2.
-
-    For y' = M y + g exp(i w t) a step is y -> R y + s exp(i w t), R = sum (h M)^k/k!, k <= 4; it
-    stands still at Y = (exp(i w h) - R)^-1 s. So the method's error is known without the millions
-    of steps that a resonance of high Q takes to settle.
-
-    Source: E. Hairer, S. Norsett, G. Wanner, Solving Ordinary Differential Equations I, II.1.
-
-    Args:
-        modes: the two modes: η, damping and angle, as `TwoModes` explains.
-        observed: which mode is read, 0 or 1.
-        tones_hz: frequencies of the tones, Hz.
-        substep_s: length of a Runge–Kutta step, s.
-    """
-    with mp.workdps(DIGITS):
-        system, gain = _first_order(modes)
-        h = mp.mpf(substep_s)
-        result = []
-        for tone in tones_hz:
-            turn = mp.expj(2 * mp.pi * mp.mpf(tone) * h)
-            half = mp.expj(mp.pi * mp.mpf(tone) * h)
-            rest = mp.zeros(4, 1)
-            shift = _step(system, gain, h, rest, (mp.mpf(1), half, turn))
-            columns = [_step(system, gain, h, _unit(k), (0, 0, 0)) for k in range(4)]
-            matrix = mp.matrix(4, 4)
-            for k, column in enumerate(columns):
-                for i in range(4):
-                    matrix[i, k] = (turn if i == k else 0) - column[i]
-            result.append(float(abs(mp.lu_solve(matrix, shift)[observed])))
-        return np.array(result)
-
-
 def _phasors(modes: TwoModes, damping: Any, u: Any) -> tuple[Any, Any]:
     """Both modes' response to exp(2 pi i u t) on each, by Cramer's rule."""
     eta1, eta2 = mp.mpf(modes.eta_plus_hz), mp.mpf(modes.eta_minus_hz)
@@ -126,30 +91,3 @@ def _phasors(modes: TwoModes, damping: Any, u: Any) -> tuple[Any, Any]:
     a12 = 1j * u * damping[0, 1]
     scale = (2 * mp.pi) ** 2 * (a11 * a22 - a12 * a12)
     return (a22 - a12) / scale, (a11 - a12) / scale
-
-
-def _first_order(modes: TwoModes) -> tuple[Any, Any]:
-    """System matrix (4, 4) of (q, q') and the place where a unit drive enters."""
-    damping = damping_hz(modes)
-    system = mp.zeros(4)
-    for i, eta in enumerate((modes.eta_plus_hz, modes.eta_minus_hz)):
-        system[i, 2 + i] = 1
-        system[2 + i, i] = -((2 * mp.pi * mp.mpf(eta)) ** 2)
-        for j in range(2):
-            system[2 + i, 2 + j] = -2 * mp.pi * damping[i, j]
-    return system, mp.matrix([0, 0, 1, 1])
-
-
-def _step(system: Any, gain: Any, h: Any, y: Any, drive: tuple[Any, Any, Any]) -> Any:
-    """One step of the classical method, the drive given at begin, middle and end."""
-    k1 = system * y + gain * drive[0]
-    k2 = system * (y + k1 * (h / 2)) + gain * drive[1]
-    k3 = system * (y + k2 * (h / 2)) + gain * drive[1]
-    k4 = system * (y + k3 * h) + gain * drive[2]
-    return y + (k1 + 2 * k2 + 2 * k3 + k4) * (h / 6)
-
-
-def _unit(k: int) -> Any:
-    vector = mp.zeros(4, 1)
-    vector[k] = 1
-    return vector

@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm, Normalize
 
 from fitting.lines.form import LineFit
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.measurements.sweep import ShownResponse, residual_panel, response_panel
+from fitting.measurements.sweep import ShownResponse, response_panel
 from fitting.report.figures.data import PLACES
 from fitting.report.figures.style import (
     GREY,
@@ -406,19 +406,6 @@ def frequency_response(
         ax: where to draw; pyplot's current axes if not given.
     """
     return panel(response_panel(_arrays(curves, unit), resonance), ax=ax)
-
-
-def response_residuals(
-    curves: SweepCurves, *, resonance: LineFit | None = None, ax: Axes | None = None
-) -> Axes:
-    """Draw simulated minus measured amplitudes over drive frequency, in % of the largest measured.
-
-    Args:
-        curves: the sweep of a result, Hz and V peak.
-        resonance: one damped mode fitted to the same points; what it leaves is drawn too.
-        ax: where to draw; pyplot's current axes if not given.
-    """
-    return panel(residual_panel(_arrays(curves, "V"), resonance), ax=ax)
 
 
 def _arrays(curves: SweepCurves, unit: str) -> ShownResponse:
