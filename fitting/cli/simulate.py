@@ -14,12 +14,13 @@ from fitting.cli.running.results import writes
 from fitting.cli.words.drive import (
     add_fmu,
     add_isolate,
+    add_settle,
+    add_start_values,
     add_timeout,
     add_work,
     complaints_of_options,
     fmu_of,
     start_values,
-    time_to_settle,
     units_of,
 )
 from fitting.cli.words.values import (
@@ -40,13 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_fmu(parser)
     parser.add_argument("--out", type=Path, help="folder for CSV files and figures")
     _add_plan_arguments(parser)
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help='start value of a variable, as u1="6.94016 MHz"; a plain number is in its unit',
-    )
+    add_start_values(parser, 'u1="6.94016 MHz"')
     parser.add_argument("--outputs", help="outputs, comma between (the first continuous one)")
     parser.add_argument(
         "--tones",
@@ -64,12 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=100,
         help="held steps of --input in a period (100)",
     )
-    parser.add_argument(
-        "--settle",
-        type=time_to_settle,
-        metavar="TIME",
-        help="time before sampling (default: until steady)",
-    )
+    add_settle(parser, "time before sampling")
     parser.add_argument(
         "--window",
         type=positive_time("--window"),

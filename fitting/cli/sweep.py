@@ -16,12 +16,13 @@ from fitting.cli.running.results import writes
 from fitting.cli.words.drive import (
     add_fmu,
     add_isolate,
+    add_settle,
+    add_start_values,
     add_timeout,
     add_work,
     complaints_of_options,
     fmu_of,
     start_values,
-    time_to_settle,
     units_of,
 )
 from fitting.cli.words.values import positive_quantity, whole_number
@@ -45,21 +46,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--points", type=whole_number(2), default=101, help="evenly spaced frequencies (101)"
     )
     parser.add_argument("--direction", choices=DIRECTIONS, default="up", help="which way (up)")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help='start value of a variable, as A1="0.3 m/s2"; a plain number is in its unit',
-    )
+    add_start_values(parser, 'A1="0.3 m/s2"')
     parser.add_argument("--tone", default="u1", help="tunable FMU parameter that is moved (u1)")
     parser.add_argument("--output", help="output to read (the first continuous one)")
-    parser.add_argument(
-        "--settle",
-        type=time_to_settle,
-        metavar="TIME",
-        help="time at each point (default: until steady)",
-    )
+    add_settle(parser, "time at each point")
     parser.add_argument(
         "--accuracy",
         type=_accuracy,

@@ -58,6 +58,34 @@ def add_interface(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_start_values(parser: argparse.ArgumentParser, example: str) -> None:
+    """Declare start values of the FMU's variables.
+
+    Args:
+        parser: of the command.
+        example: of one.
+    """
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help=f"start value of a variable, as {example}; a plain number is in its unit",
+    )
+
+
+def add_settle(parser: argparse.ArgumentParser, words: str) -> None:
+    """Declare how long the FMU settles.
+
+    Args:
+        parser: of the command.
+        words: what the time is.
+    """
+    parser.add_argument(
+        "--settle", type=time_to_settle, metavar="TIME", help=f"{words} (default: until steady)"
+    )
+
+
 def add_work(parser: argparse.ArgumentParser) -> None:
     """Declare how many steps of the FMU a run may take.
 

@@ -12,7 +12,7 @@ from typing import TypeVar
 from fitting.text.errors import BadInput, shown
 from fitting.text.units import checked_accuracy, convert, parse_quantity
 
-#: Where nothing is said: a count beyond that would take years, or all memory.
+#: Where no limit is stated: a count beyond that would take years, or all memory.
 MOST = 10**6
 MOST_SEED = 2**63 - 1
 LARGEST = 1e60
@@ -41,7 +41,7 @@ def _number_of(
     """An argparse type: a number for which all rules hold, each with what is wanted.
 
     Args:
-        read: the text as a number; the first rule says what is wanted where it is none.
+        read: the text as a number; the first rule states what is wanted where it is none.
         *rules: whether a number is allowed, and what is wanted, in words.
     """
 
