@@ -31,6 +31,10 @@ from fitting.api.line import line as line
 from fitting.api.line import noise_line as noise_line
 from fitting.api.line import ringdown as ringdown
 from fitting.api.line import write_line as write_line
+from fitting.api.lines import LineRow as LineRow
+from fitting.api.lines import Lines as Lines
+from fitting.api.lines import lines as lines
+from fitting.api.lines import write_lines as write_lines
 from fitting.api.problem import Problem as Problem
 from fitting.campaign.arrays import Parameter as Parameter
 from fitting.campaign.arrays import Sweep as Sweep

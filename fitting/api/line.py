@@ -50,6 +50,8 @@ __all__ = [
     "write_line",
 ]
 
+#: Kinds of files.
+RINGDOWN, NOISE, SWEEP = "ringdown", "noise", "sweep"
 #: What `write_line` writes.
 LINE_FILES = ("line.json", "line.csv", "line.png", "line.svg")
 Record = TypeVar("Record")
@@ -337,6 +339,22 @@ def noise_line(
         ("noise_line", "frequencies", "densities"),
     )
     return NoiseLine(**fields_of(noise_line_of(record.within(*within_hz)), spectra.NoiseLine))
+
+
+def kind_of_file(source: Path, columns: Columns, kind: str = "") -> str:
+    """Whether a file holds a "ringdown", a "noise" spectrum or a "sweep".
+
+    Args:
+        source: The file.
+        columns: What it does not tell.
+        kind: Of a file over frequency, where it is stated.
+
+    Raises:
+        BadInput: a file that is not read.
+    """
+    if is_over_time(source, columns):
+        return RINGDOWN
+    return kind or (NOISE if is_noise_spectrum(source, columns) else SWEEP)
 
 
 def ends_of(source: Path, columns: Columns, *, over_time: bool) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from fitting.cli.words.values import positive_quantity
 NAME = "line"
 EXAMPLE = "fmu-fit line string_q1/sweep.csv --out out/line"
 DOCUMENT = "the line"
-FILES = ("line.json", "line.csv", "line.png", "line.svg")
+FILES = ("line.json", "line.csv", "line.png", "line.svg", "lines.csv", "lines.png", "lines.svg")
 #: Prefixes that a number without a unit may have been meant with: of frequencies, and of times.
 LARGE = {"k": 1e3, "M": 1e6, "G": 1e9}
 SMALL = {"m": 1e-3, "u": 1e-6, "n": 1e-9}
@@ -54,10 +54,12 @@ WIRINGS = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     parser.add_argument(
-        "file",
+        "files",
         type=Path,
+        nargs="+",
         metavar="FILE",
-        help="a sweep, a ringdown or a noise spectrum, as an instrument wrote it",
+        help="a sweep, a ringdown or a noise spectrum, as an instrument wrote it; of several files "
+        "a table over the control that their names or heads have",
     )
     parser.add_argument(
         "--from",
@@ -84,7 +86,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_columns(parser, over_time=True)
     parser.add_argument(
-        "--out", type=Path, help="folder for line.json, line.csv and figure (none is written)"
+        "--out",
+        type=Path,
+        help="folder for line.json, line.csv and figure, of several files for lines.csv and figure "
+        "(none is written)",
     )
 
 
@@ -95,17 +100,16 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BadInput: a file that is not read, or without one resonance that it holds whole.
     """
-    from fitting.api.line import is_noise_spectrum, is_over_time, write_line
+    if len(args.files) > 1:
+        return _of_many(args)
+    from fitting.api.line import kind_of_file, write_line
 
     columns = columns_of(args)
+    [args.file] = args.files
     result: ff.Line | ff.Ringdown | ff.NoiseLine
     with reading(NAME, [args.file]):
-        kind = args.kind or SWEEP
-        over_time = is_over_time(args.file, columns)
-        if over_time:
-            kind = RINGDOWN
-        elif args.kind is None and is_noise_spectrum(args.file, columns):
-            kind = NOISE
+        kind = kind_of_file(args.file, columns, args.kind or "")
+        over_time = kind == RINGDOWN
         _refuse_bare(args, columns, over_time=over_time)
         options, why = REFUSED[kind]
         for name in options:
@@ -113,8 +117,7 @@ def run(args: argparse.Namespace) -> int:
                 raise ff.BadInput(f"--{name.replace('_', '-')}: {why.format(args.file)}")
         ends = _range(args, "s" if over_time else "Hz")
         if over_time:
-            at = args.demodulated_at
-            at_hz = None if at is None else positive_quantity(at, "Hz", where="--demodulated-at")
+            at_hz = _demodulated_at(args)
             result = ff.ringdown(args.file, within_s=ends, demodulated_at_hz=at_hz, columns=columns)
         elif kind == NOISE:
             result = ff.noise_line(args.file, within_hz=ends, columns=columns)
@@ -126,6 +129,36 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         print(*write_line(result, args.out), sep="\n")
     return 0
+
+
+def _of_many(args: argparse.Namespace) -> int:
+    """The table of several files; returns 0 where one of them has a line at least."""
+    from fitting.api.line import RINGDOWN, kind_of_file
+
+    columns = columns_of(args)
+    with reading(NAME, args.files):
+        ends: tuple[float | None, float | None] = (None, None)
+        if args.low is not None or args.high is not None:  # in the unit of the first file
+            over_time = kind_of_file(args.files[0], columns, args.kind or "") == RINGDOWN
+            ends = _range(args, "s" if over_time else "Hz")
+        result = ff.lines(
+            args.files,
+            kind=args.kind or "",
+            within=ends,
+            wiring=args.wiring or "",
+            demodulated_at_hz=_demodulated_at(args),
+            columns=columns,
+        )
+    hand_over(args, result.to_dict())
+    print(result)
+    if args.out is not None:
+        print(*ff.write_lines(result, args.out), sep="\n")
+    return 0
+
+
+def _demodulated_at(args: argparse.Namespace) -> float | None:
+    at = args.demodulated_at
+    return None if at is None else positive_quantity(at, "Hz", where="--demodulated-at")
 
 
 def _refuse_bare(args: argparse.Namespace, columns: ff.Columns, *, over_time: bool) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -22,51 +22,36 @@ from fitting.campaign.instruments.recording import channel_of
 from fitting.draft.document import relative_path
 from fitting.draft.files import MapFile
 from fitting.draft.noise import BY_SCATTER, noise_look
-from fitting.extension.records import Channel, Recording, head_of
+from fitting.extension.records import Channel, Recording
 from fitting.resonance.control_map import ControlMap
+from fitting.resonance.file_control import (
+    NAME,
+    REAL,
+    UNIT,
+    differing,
+    differing_quantity,
+    settings_of_name,
+)
 from fitting.resonance.noise_reading import told_density
 from fitting.resonance.reading import Columns, Roles, hertz_in, map_in, roles_of
 from fitting.text.csv_cells import csv_text
 from fitting.text.errors import BadInput, gathered, shown
-from fitting.text.loose_tables import COMMENTS
 from fitting.text.notation import how_many, listed
 from fitting.text.rendering import blocks
-from fitting.text.units import same_kind
 
 #: Name of the table that a drafted map reads: the control, and the file of each spectrum.
 LIST = "spectra.csv"
-#: Name of a control that no file names.
-CONTROL = "control"
-#: Lines above a table among which settings are looked for.
-HEAD_LINES = 200
 #: Sweeps with phases that are a map without being told so, at least.
 LEAST = 3
 #: Values of a control that may be told.
 MOST_VALUES = 10_000
 
-_REAL = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_NAME = r"[^\W\d][^\W\d_]*(?:_[^\W\d_]+)*\d*"
-_UNIT = r"[^\W\d_]+(?:/[^\W\d_]+)?|%"
-#: A number of a file's name, with what stands before and behind it.
-_IN_NAME = re.compile(
-    rf"(?:(?P<name>{_NAME})\s*=\s*(?P<value>{_REAL})|(?<![\w.-])(?P<bare>{_REAL})|"
-    rf"(?<=_)(?P<part>{_REAL}))\s*(?P<unit>{_UNIT})?(?![\w.]*\d)"
-)
-#: A setting above a table.
-_SETTING = re.compile(
-    rf"(?P<name>{_NAME})\s*(?:[(\[](?P<told>[^()\[\]]+)[)\]]\s*)?[=:,;\t]\s*(?P<value>{_REAL})"
-    rf"[\s,;]*[(\[]?(?P<unit>{_UNIT})?[)\]]?[\s,;]*"
-)
 #: Control as it is told: its name, its values, their unit.
 _REQUESTED = re.compile(
-    rf"(?P<name>{_NAME})\s*(?:[(\[](?P<told>[^()\[\]]*)[)\]])?\s*(?:=\s*(?P<values>.+))?"
+    rf"(?P<name>{NAME})\s*(?:[(\[](?P<told>[^()\[\]]*)[)\]])?\s*(?:=\s*(?P<values>.+))?"
 )
-_RANGE = re.compile(rf"(?P<a>{_REAL}):(?P<b>{_REAL}):(?P<step>{_REAL})\s*(?P<unit>{_UNIT})?")
-_LIST = re.compile(rf"(?P<list>{_REAL}(?:\s*,\s*{_REAL})*)\s*(?P<unit>{_UNIT})?")
-
-
-#: Settings of a file by their names, each with its value and its unit.
-_Settings = Mapping[str, tuple[float, str]]
+_RANGE = re.compile(rf"(?P<a>{REAL}):(?P<b>{REAL}):(?P<step>{REAL})\s*(?P<unit>{UNIT})?")
+_LIST = re.compile(rf"(?P<list>{REAL}(?:\s*,\s*{REAL})*)\s*(?P<unit>{UNIT})?")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +110,7 @@ def series_of(
         values, unit = _requested_values(match["values"].strip(), requested or "", name, paths)
         unit = match["told"] or unit or "1"
     else:
-        result = _differing_quantity(paths, requested)
+        result = differing_quantity(paths, requested)
         if result is None:
             look = noise_look(roles[0], hertz_in(roles[0]))
             if phased or (look is not None and look.by == BY_SCATTER):
@@ -153,7 +138,7 @@ def _requested_values(
             f"--control: {how_many(len(values), 'value')} for {how_many(len(paths), 'file')}; "
             "wanted one for each"
         )
-    written = _differing([_of_name(path) for path in paths]).get(name)
+    written = differing([settings_of_name(path) for path in paths]).get(name)
     if written is not None and written[1] != values:
         raise BadInput(
             f"--control: {name} is {values[0]:g} to {values[-1]:g} in the order of the files, but "
@@ -180,76 +165,6 @@ def _values(text: str, requested: str) -> tuple[tuple[float, ...], str]:
             f"--control: found {shown(requested)}, wanted first:last:step, or values with commas"
         )
     return tuple(map(float, several["list"].split(","))), several["unit"] or ""
-
-
-def _differing_quantity(
-    paths: Sequence[Path], wanted: str | None
-) -> tuple[str, str, str, tuple[float, ...]] | None:
-    """The one quantity that differs from file to file, by their names, else by their heads.
-
-    Where it was found, its name, its unit, and its value in every file.
-    """
-    ways: dict[str, Callable[[Path], _Settings]] = {
-        "by the names of the files": _of_name,
-        "by the heads of the files": _of_head,
-    }
-    for where, read in ways.items():
-        result = _differing([read(path) for path in paths])
-        if wanted is not None:
-            result = {n: v for n, v in result.items() if n.lower() == wanted.strip().lower()}
-        if len(result) > 1:
-            raise BadInput(
-                f"{paths[0]}, ...: {listed(result)} differ from file to file, {where}; wanted one "
-                "of them by --control"
-            )
-        for name, (unit, values) in result.items():
-            return where, CONTROL if name.startswith(CONTROL) else name, unit, values
-    if wanted is not None:
-        raise BadInput(
-            f"--control: neither names nor heads of the files contain a value of '{wanted}' "
-            "in each; wanted its values, too, as Vg=-6:6:1"
-        )
-    return None
-
-
-def _differing(files: Sequence[_Settings]) -> dict[str, tuple[str, tuple[float, ...]]]:
-    """Units and values of quantities that every file has, in one unit, with different values."""
-    made = {}
-    for name, (_, unit) in files[0].items():
-        known = [each[name] for each in files if name in each and each[name][1] == unit]
-        values = tuple(value for value, _ in known)
-        if len(known) == len(files) and len(set(values)) == len(values):
-            made[name] = unit or "1", values
-    return made
-
-
-def _of_name(path: Path) -> _Settings:
-    """Numbers in a file's name: behind a name and "=", or before a unit."""
-    made: dict[str, tuple[float, str]] = {}
-    for k, match in enumerate(_IN_NAME.finditer(path.stem)):
-        unit = _unit(match["unit"])
-        if match["name"] is not None:
-            made[match["name"].rpartition("_")[2] or match["name"]] = float(match["value"]), unit
-        elif unit:
-            made[f"{CONTROL}{k}"] = float(match["bare"] or match["part"]), unit
-    return made
-
-
-def _of_head(path: Path) -> _Settings:
-    """Settings in the lines above a file's table, each with its value and unit."""
-    made: dict[str, tuple[float, str]] = {}
-    for line in head_of(path).lines[:HEAD_LINES]:
-        text = line.strip().lstrip("".join(COMMENTS)).strip()
-        match = _SETTING.fullmatch(text)
-        if match is not None:
-            made.setdefault(
-                match["name"], (float(match["value"]), _unit(match["told"] or match["unit"]))
-            )
-    return made
-
-
-def _unit(text: str | None) -> str:
-    return text if text and same_kind(text, text) else ""
 
 
 #: Columns of a sweep by the fields of `Roles`.

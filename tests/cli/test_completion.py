@@ -81,10 +81,10 @@ def test_other_shells_get_every_command(shell: str, tmp_path: Path) -> None:
 def test_zsh_is_told_that_several_files_may_be_named() -> None:
     """Of _arguments `*:what:which` is any number of words, `(*):what:which` is one.
 
-    Several are taken by design, ensemble, init, posterior and reconstruct.
+    Several are taken by design, ensemble, init, line, posterior and reconstruct.
     """
     text = told("completion", "zsh").out
-    assert sum(line.startswith('  "*:') for line in text.splitlines()) == 5
+    assert sum(line.startswith('  "*:') for line in text.splitlines()) == 6
     assert '"(*)' not in text
 
 

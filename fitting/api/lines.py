@@ -1,0 +1,229 @@
+"""The lines of many files as one table over the control of the files."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from fitting.api.line import (
+    NOISE,
+    RINGDOWN,
+    Columns,
+    Line,
+    NoiseLine,
+    Ringdown,
+    kind_of_file,
+    line,
+    noise_line,
+    ringdown,
+)
+from fitting.report.table import Table, html_table, table, terminal_text, text_lines
+from fitting.resonance.file_control import differing_quantity
+from fitting.signal.line_record import LineNumber
+from fitting.text.arguments import checked
+from fitting.text.errors import BadInput
+from fitting.text.results_folder import remove_earlier, results_folder
+
+#: What `write_lines` writes.
+LINES_FILES = ("lines.csv", "lines.png", "lines.svg")
+#: Name of the control where the files have none: their number.
+NUMBER = "file number"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineRow:
+    """The line of one file.
+
+    Attributes:
+        file: its path.
+        control: the value that its name or its head has; without one the number of the file.
+        line: what was fitted; None where it failed.
+        reason: why it failed; else empty.
+    """
+
+    file: str
+    control: float
+    line: Line | Ringdown | NoiseLine | None
+    reason: str = ""
+
+    @property
+    def numbers(self) -> dict[str, LineNumber]:
+        """Frequency, FWHM, Q and amplitude, of a noise spectrum the rms in place of it."""
+        if self.line is None:
+            return {}
+        last = self.line.rms if isinstance(self.line, NoiseLine) else self.line.amplitude
+        made = {"frequency": self.line.frequency, "width": self.line.width, "q": self.line.q}
+        return made | {"amplitude": last}
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What contradicts a single line with noise of one size."""
+        found = self.line
+        if found is None:
+            return ()
+        made = [f"residuals {what}" for what in found.structure.found]
+        made += ["second line"] * (found.second is not None)
+        if isinstance(found, Line):
+            made += [fault.fault.value for fault in found.faults]
+            made += ["frequency depends on the amplitude"] * (found.bend is not None)
+        elif isinstance(found, Ringdown):
+            made += ["frequency depends on the amplitude"] * (found.shift.value != 0.0)
+            made += ["damping depends on the amplitude"] * (found.extra.value != 0.0)
+        return tuple(made)
+
+    def to_dict(self) -> dict[str, str | float]:
+        """A flat row, as ``pandas.DataFrame`` takes it; NaN and empty where it failed."""
+        made: dict[str, str | float] = {"file": self.file, "control": self.control}
+        for name in ("frequency", "width", "q", "amplitude"):
+            each = self.numbers.get(name)
+            made[name] = math.nan if each is None else each.value
+            made[f"{name}_std"] = math.nan if each is None else each.std
+        unit = "" if self.line is None else self.line.unit
+        made |= {"unit": unit, "findings": "; ".join(self.findings), "reason": self.reason}
+        return made
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Lines:
+    """The lines of many files, in their order.
+
+    Attributes:
+        rows: one for each file.
+        control: name of the quantity that differs from file to file.
+        unit: of it; "1": none.
+    """
+
+    rows: tuple[LineRow, ...]
+    control: str
+    unit: str
+
+    @property
+    def fitted(self) -> tuple[LineRow, ...]:
+        """Rows of files that have a line."""
+        return tuple(row for row in self.rows if row.line is not None)
+
+    @property
+    def head(self) -> str:
+        """The control with its unit."""
+        return self.control if self.unit == "1" else f"{self.control} ({self.unit})"
+
+    @property
+    def table(self) -> Table:
+        """The rows as a table."""
+        return table("lines", rows=self.rows, head=self.head)
+
+    def to_dict(self) -> list[dict[str, str | float]]:
+        """A flat row per file, as ``pandas.DataFrame`` takes them."""
+        return [row.to_dict() for row in self.rows]
+
+    def to_dataframe(self) -> Any:
+        """A row per file as a ``pandas.DataFrame``, with the files as its index.
+
+        Raises:
+            BadInput: pandas is not installed.
+        """
+        if importlib.util.find_spec("pandas") is None:
+            raise BadInput("to_dataframe: needs pandas: pip install pandas")
+        pandas = importlib.import_module("pandas")
+        return pandas.DataFrame(self.to_dict()).set_index("file")
+
+    def __repr__(self) -> str:
+        failed = [f"{row.file}: {row.reason}" for row in self.rows if row.reason]
+        return terminal_text("\n".join([*text_lines(self.table), *failed]))
+
+    def _repr_html_(self) -> str:
+        return html_table(self.table)
+
+
+@checked
+def lines(
+    files: Sequence[str | Path],
+    *,
+    kind: str = "",
+    within: tuple[float | None, float | None] = (None, None),
+    wiring: str = "",
+    demodulated_at_hz: float | None = None,
+    columns: Columns | None = None,
+) -> Lines:
+    """The line of each of many files, with the control that differs from file to file.
+
+    The control is a number in the names of the files, as ``Vg=-6`` or ``20mK``, else in the lines
+    above their tables. A file that fails is a row with its reason.
+
+    Args:
+        files: Their paths, two at least, each with one sweep, ringdown or noise spectrum.
+        kind: Of files over frequency: "noise" or "sweep"; empty: by unit and name.
+        within: First and last frequency that are taken, Hz, of ringdowns times, s; None: all.
+        wiring: Of sweeps, see `line`.
+        demodulated_at_hz: Of ringdowns, the frequency of the demodulator, Hz.
+        columns: What the files do not tell.
+
+    Raises:
+        BadInput: fewer than two files, or none of them has a line.
+    """
+    if isinstance(files, str | PathLike) or len(files) < 2:
+        raise BadInput("lines: found one file, wanted two or more; of one file: line")
+    paths, known = [Path(file) for file in files], columns or Columns()
+    control = _control(paths)
+    rows, errors = [], []
+    for path, value in zip(paths, control[2], strict=True):
+        found: Line | Ringdown | NoiseLine | None = None
+        reason = ""
+        try:
+            what = kind_of_file(path, known, kind)
+            if what == RINGDOWN:
+                found = ringdown(
+                    path, within_s=within, demodulated_at_hz=demodulated_at_hz, columns=known
+                )
+            elif what == NOISE:
+                found = noise_line(path, within_hz=within, columns=known)
+            else:
+                found = line(path, within_hz=within, wiring=wiring, columns=known)
+        except BadInput as error:
+            errors.append(str(error))
+            reason = str(error).removeprefix(f"{path}: ")
+        rows.append(LineRow(file=str(path), control=value, line=found, reason=reason))
+    if len(errors) == len(rows):
+        raise BadInput(*errors)
+    return Lines(rows=tuple(rows), control=control[0], unit=control[1])
+
+
+def _control(paths: Sequence[Path]) -> tuple[str, str, tuple[float, ...]]:
+    """Name, unit and values of the control; the number of each file where there is none, or two."""
+    try:
+        result = differing_quantity(paths, None)
+    except BadInput:
+        result = None
+    if result is None:
+        return NUMBER, "1", tuple(float(k + 1) for k in range(len(paths)))
+    _, name, unit, values = result
+    return name, unit, values
+
+
+def write_lines(found: Lines, out: str | Path) -> tuple[Path, ...]:
+    """Write lines.csv and a figure of frequency and FWHM over the control.
+
+    Args:
+        found: What `lines` returned.
+        out: Folder, made where there is none.
+
+    Returns:
+        The files.
+
+    Raises:
+        BadInput: the folder cannot be written, or holds files of these names that are not ours.
+    """
+    # matplotlib takes a second to import: only where something is drawn
+    report = importlib.import_module("fitting.report.line")
+    with results_folder(Path(out), "line", LINES_FILES):
+        files: tuple[Path, ...] = report.write_lines(
+            found.to_dict(), (found.control, found.unit), Path(out)
+        )
+        remove_earlier(Path(out), LINES_FILES)
+    return files
