@@ -73,7 +73,7 @@ def check(
 
     Returns:
         ``sound`` sums it up; ``findings`` (by severity), ``failure`` and ``unsuited``
-        say what is wrong, ``examination`` holds what was tried and measured.
+        state what is wrong, ``examination`` holds what was tried and measured.
 
     Raises:
         BadInput: no FMU that this machine can run, a campaign that cannot be read, no time.

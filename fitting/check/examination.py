@@ -20,7 +20,7 @@ from fitting.text.errors import FmuFailure
 class Examination:
     """What came of a trial step, resets, costs, smaller steps and inputs that move.
 
-    Each is None, ``effects`` empty, where the FMU failed before, of which ``failure`` tells;
+    Each is None, ``effects`` empty, where the FMU failed before: see ``failure``;
     ``repeats`` also where no output is a Real number.
     """
 
@@ -33,12 +33,12 @@ class Examination:
 
 
 def examine(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) -> Examination:
-    """Try an FMU; that it fails is told, not raised.
+    """Try an FMU; a failure is reported, not raised.
 
     Args:
         workers: one process that runs the FMU.
         step_s: length of a trial step, s.
-        values: start values by name, beside the FMU's own.
+        values: start values by name, next to the FMU's own.
 
     Raises:
         BadInput: it has neither an output nor a local variable that is a number.
@@ -83,7 +83,7 @@ class Costs:
     """Processor time of a step and of the start of a run, s, and bytes that every run leaves.
 
     ``anew``: every run has a new instance, none is reset. ``bytes_per_run`` is NaN where the
-    system does not tell, or a new process has taken over meanwhile.
+    system reports none, or a new process has taken over meanwhile.
     """
 
     step_s: float

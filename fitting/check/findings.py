@@ -37,7 +37,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What is wrong with an FMU; `count` times, the first of them told."""
+    """What is wrong with an FMU; `count` times, with the first of them."""
 
     severity: Severity
     sentence: str

@@ -16,12 +16,12 @@ from fitting.text.arrays import Scalar
 class Resets:
     """Whether a reset instance gives what a new one gives: ``reuse`` is a sentence.
 
-    ``true`` tells whether every reset did, those that were called OK in the sense of FMI too: what
+    ``true``: whether every reset did, those that were called OK in the sense of FMI too: what
     is not set anew is back at its start. ``kept`` are values of which a trace is left where nothing
-    is set anew, "" stands for a run with nothing set at all. Also with every parameter and input
+    is set anew, "" represents a run with nothing set at all. Also with every parameter and input
     varied, but for those of ``unvaried``, which the FMU refuses to take; those of ``idle`` changed
     no output in ``idle_steps`` steps of ``step_s`` seconds, ``steps`` of which were taken here.
-    ``fails`` tells how a reset failed, or ended the process; empty: it did not.
+    ``fails``: how a reset failed, or ended the process; empty: it did not.
     """
 
     reuse: str
@@ -73,7 +73,7 @@ def try_longer(workers: FmuWorkers, resets: Resets, run: Run, steps: int) -> Res
 
     Args:
         workers: processes that run the FMU.
-        resets: what some steps told.
+        resets: what some steps have shown.
         run: the steps.
         steps: their number here.
 

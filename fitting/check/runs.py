@@ -38,7 +38,7 @@ def trial_run(
     Args:
         description: of the FMU.
         step_s: length of a step, s.
-        values: start values by name, beside the FMU's own.
+        values: start values by name, next to the FMU's own.
         steps: their number.
 
     Raises:

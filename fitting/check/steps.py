@@ -98,7 +98,7 @@ def take_trial(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar])
     Args:
         workers: processes that run the FMU.
         step_s: length of the step, s.
-        values: start values by name, beside the FMU's own.
+        values: start values by name, next to the FMU's own.
 
     Raises:
         BadInput: neither an output nor a local variable is a number.

@@ -226,7 +226,7 @@ def _remark(macro: str, *records: Any) -> str:
 
 
 def _experiments_csv(design: Design, bound: BoundCampaign, limits: Limits, command: str) -> str:
-    """The rows to be measured; remarks between them say what, how often and what is expected."""
+    """The rows to be measured; remarks between them state what, how often and what is expected."""
     drive: Drive = bound.setup.drive
     first, controls = design.proposals[0], bound.setup.laws.controls
     factor, unit = prefixed(
@@ -274,7 +274,7 @@ def _cell(value: Scalar) -> str:
 def _sweeps_csv(
     design: Design, bound: BoundCampaign, like: Continued, unit: str, command: str
 ) -> str:
-    """The points to be measured, a remark before each sweep says what is expected."""
+    """The points to be measured, a remark before each sweep states what is expected."""
     fixed = _constants(design, bound)
     names = [name for name in design.proposals[0].settings if name not in fixed]
     units = like.kind.units

@@ -58,7 +58,7 @@ def draw_steps(design: Design) -> Described:
 
 
 def draw_kinds(design: Design) -> Described:
-    """Expected sigma of the target by kinds of candidates, alone and beside the proposed.
+    """Expected sigma of the target by kinds of candidates, alone and next to the proposed.
 
     Args:
         design: the proposed next measurement.

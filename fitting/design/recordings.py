@@ -261,7 +261,7 @@ def _stacked(values: Values) -> FloatArray:
 
 
 def _design(prediction: Prediction) -> FloatArray:
-    """Columns of what is solved inside one recording that say anything, of length one."""
+    """Columns of what is solved inside one recording that contain information, of length one."""
     design = prediction.solved[0].design
     sizes = np.linalg.norm(design, axis=0)
     return np.asarray(design[:, sizes > 0.0] / sizes[sizes > 0.0])

@@ -81,13 +81,13 @@ def ensemble(
     """Fit many campaigns, or many virtual laboratories and compare the values with the truth.
 
     The numbers depend neither on how many workers there are nor on the order in which items end. An
-    item that fails is a row that says why; one whose worker is lost is done once more.
+    item that fails is a row that states why; one whose worker is lost is done once more.
 
     Args:
         of: Virtual laboratories; or campaigns: paths of campaign files, of folders (every
             campaign.toml below them) and of tables with a column "campaign".
         fmu: The FMU of all items, a model's name or a path; None: the one that each item names.
-        options: How each item is fitted; None: as its campaign says, with profiles of all values.
+        options: How each item is fitted; None: as its campaign states, with profiles of all values.
         executor: Where items run: a number of processes of this machine (None: one per processor,
             up to 8), the address of a dask scheduler as "tcp://10.0.0.1:8786", which gets the FMU
             to its workers, or an executor, whose workers find all files by their paths.

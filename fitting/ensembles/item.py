@@ -89,9 +89,9 @@ class EnsembleOptions:
     Args:
         values: Parameters and derived outputs that are profiled; none: all.
         profiles: Whether profiles are scanned; else errors are from the covariance.
-        starts: How many starts are followed; None: as each campaign says.
-        quick: One start where ``starts`` is not said.
-        budget: Runs of the FMU by the profiles of an item, about, at most; None: as `profile` says.
+        starts: How many starts are followed; None: as each campaign states.
+        quick: One start where ``starts`` is not stated.
+        budget: Runs of the FMU by the profiles of an item, about, at most; None: as of `profile`.
         resume: Whether finished items in ``out`` count.
 
     Raises:

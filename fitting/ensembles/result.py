@@ -24,7 +24,7 @@ FINISHED, INTERRUPTED, FAILED = "finished", "interrupted", "failed"
 
 @dataclass(frozen=True, kw_only=True)
 class EnsembleValue(Estimate):
-    """One value of one fit; ``truth`` is nan where nobody knows it.
+    """One value of one fit; ``truth`` is nan where it is not known.
 
     ``value`` and ``std`` are nan where the data leave it open; ends of an interval that the data do
     not cut are those of the box.
@@ -58,7 +58,7 @@ class EnsembleValue(Estimate):
 class EnsembleRow:
     """One item: its number from 0, what it is, how its fit ended, and the values found.
 
-    ``status`` is that of the fit, "failed" where there is none; ``message`` says why then.
+    ``status`` is that of the fit, "failed" where there is none; ``message`` states why then.
     """
 
     index: int
@@ -75,7 +75,7 @@ class EnsembleRow:
 
 @dataclass(frozen=True)
 class Share:
-    """So many of so many, with what that says of the share behind it."""
+    """So many of so many, with what follows for the share behind it."""
 
     count: int
     total: int
@@ -124,7 +124,7 @@ class Coverage:
 
     @property
     def pull_std(self) -> float:
-        """Standard deviation of the pulls: 1 where errors are as large as is said."""
+        """Standard deviation of the pulls: 1 where errors are as large as is stated."""
         if len(self.pulls) < 2:
             return math.nan
         mean = self.pull_mean

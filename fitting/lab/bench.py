@@ -193,7 +193,7 @@ class Answer(Row):
 
 
 class Instrument(ABC):
-    """A way to read a series, and what a campaign says of it: one file per kind.
+    """A way to read a series, and what a campaign states of it: one file per kind.
 
     ``lines`` are the combinations of the tones that it reads; () the tones themselves.
     """
@@ -240,7 +240,7 @@ class Instrument(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """What the laboratory hands over, ``readings``, and the truth beside it, ``answers``.
+    """What the laboratory hands over, ``readings``, and the truth next to it, ``answers``.
 
     ``eta_before_hz`` and ``eta_after_hz`` are the measured (plus, minus) eigenfrequencies,
     ``gain`` is in volts per unit of the sample's amplitudes.

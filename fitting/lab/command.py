@@ -130,7 +130,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the campaign; returns exit code 0.
 
     Raises:
-        BadInput: no truth beside the campaign named, an impossible value, or a folder that holds
+        BadInput: no truth next to the campaign named, an impossible value, or a folder that holds
             a campaign which is not synthetic.
     """
     if (args.plan is None) != (args.truth is None):

@@ -310,7 +310,7 @@ class AvoidedCrossing:
         return {CURVE: {"kind": CROSSING, **asdict(self)}, "outcome": {"seed": seed}}
 
     def _campaign(self) -> dict[str, Any]:
-        """Boxes as wide as the spectra, starts beside the truth."""
+        """Boxes as wide as the spectra, starts next to the truth."""
         half, u = 0.5 * self.span_hz, self.frequencies_hz()
         box, tuning = (float(u[0]), float(u[-1])), abs(self.tuning_hz_v) or 1.0
         modes, width = [str(k) for k in range(1, self.modes + 1)], self.d1_hz

@@ -93,14 +93,14 @@ def mark_synthetic(tables: Tables) -> None:
 def carried(text: str, source: Path, folder: Path, written: Collection[str]) -> str:
     """A campaign's text whose paths lead from another folder to where they led.
 
-    What is written beside it is named by its own name; every other file, as the FMU, stays where it
-    is.
+    What is written next to it is named by its own name; every other file, as the FMU, stays where
+    it is.
 
     Args:
         text: of the campaign.
         source: folder that its paths are seen from.
         folder: that it will stand in.
-        written: names of the files that are written beside it.
+        written: names of the files that are written next to it.
     """
 
     def there(table: str, value: str) -> str:

@@ -144,7 +144,7 @@ class CoupledModes:
         with G of the modes without pump and K of the pump alone, t in the middle of each step h.
 
         Raises:
-            ValueError: there is no pump, or one so slow that nobody follows its period.
+            ValueError: there is no pump, or one so slow that its period is not followed.
         """
         if self.pump is None:
             raise ValueError("without a pump nothing can grow")

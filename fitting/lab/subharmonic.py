@@ -46,7 +46,7 @@ class SubharmonicBench(PumpedString):
     """Sweeps under a pump of any voltage and frequency; nothing drifts.
 
     A pump of ``volts`` modulates f1^2 by ``depth_per_volt`` times that: p11 = depth f1^2, which a
-    fit is not told. ``coupling_share`` is p12/p11 and ``second_share`` p22/p11, both 0 where the
+    fit is not stated. ``coupling_share`` is p12/p11 and ``second_share`` p22/p11, both 0 where the
     pump acts on the mode called 1 alone.
     """
 

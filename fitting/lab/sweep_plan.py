@@ -81,7 +81,7 @@ def bench_truth(bench: SweptBench, seed: int, *, phases: bool) -> dict[str, Any]
 
 
 def swept_bench(truth: object) -> SweptBench:
-    """The bench of a truth: itself, its name, or its truth file or a campaign beside that.
+    """The bench of a truth: itself, its name, or its truth file or a campaign next to that.
 
     Args:
         truth: of which sweeps are asked.

@@ -100,7 +100,7 @@ def synthesize_curves(
             "zero-span": levels of one mode's.
         seed: Seed of the noise, a whole number of at least 0.
         out: Folder for the files; None: nothing is written.
-        command: What the head of every file says that it was made by.
+        command: What the head of every file states that made it.
         **changes: Numbers that are different, by the names of the fields of `WiredResonance`,
             `AvoidedCrossing`, `StringTrace` or `StringPhasors`: ``noise``, ``points``,
             ``delay_s`` (s), ``lambda_hz`` (Hz), ...
@@ -147,7 +147,7 @@ def synthesize(
         plan: A campaign that `fmu-fit design` proposed, whose rows or sweeps are measured instead
             of a series of the bench.
         out: Folder for the files; None: nothing is written.
-        command: What the head of every file says that it was made by.
+        command: What the head of every file states that made it.
         **changes: Numbers of the bench that are different, by the names of its records:
             ``noise_scale``, ``drift_hz``, ``crest_v``, ``d1_hz``, ``theta_rad``, ``alpha1``, ...
 
@@ -278,7 +278,7 @@ def _planned_tones(bench: SweptBench, path: Path, seed: int, command: str) -> Sy
 
 
 def bench_of(truth: AnyBench | Path | str) -> AnyBench:
-    """A bench or curve as it is, by its name, or by its truth file or the campaign beside that.
+    """A bench or curve as it is, by its name, or by its truth file or the campaign next to that.
 
     Args:
         truth: a laboratory, or the file that describes one.

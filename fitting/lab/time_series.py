@@ -133,7 +133,7 @@ class StringRecord(TwoModes, ABC):
         return {"A1": 0.0, "A2": 0.0}
 
     def parameters(self) -> list[dict[str, Any]]:
-        """Starts beside the truth: a tenth of what both lines are apart, half as wide again."""
+        """Starts next to the truth: a tenth of what both lines are apart, half as wide again."""
         apart = self.eta_minus_hz - self.eta_plus_hz
         etas = (("eta_plus", self.eta_plus_hz, -0.08), ("eta_minus", self.eta_minus_hz, 0.1))
         widths = (("d1", self.d1_hz), ("d2", self.d2_hz))

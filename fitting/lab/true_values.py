@@ -26,7 +26,7 @@ def true_values(truth: Mapping[str, Any], *, reflection: bool = False) -> dict[s
     """True values by name, of those that the laboratory has.
 
     A reflection answers every drive as the rotation with pi/2 - theta and d1, d2 exchanged does:
-    what was made in one form is told in the other, if that is asked.
+    what was made in one form is given in the other, if that is asked.
 
     Args:
         truth: tables of truth.toml.

@@ -1,4 +1,4 @@
-"""The truth behind a synthetic campaign: the file beside it, written and read.
+"""The truth behind a synthetic campaign: the file next to it, written and read.
 
 No reader of a fit opens it.
 """

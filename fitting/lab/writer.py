@@ -130,7 +130,7 @@ def _campaign(series: Series, head: Sequence[str]) -> str:
 def _line(series: Series) -> LineFit:
     """The line of the sweep, as a laboratory would fit it.
 
-    Too much noise hides it, and a drift moves it out of the sweep: both are told.
+    Too much noise hides it, and a drift moves it out of the sweep: both are reported.
     """
     given = ", ".join(
         f"{name} = {getattr(series.bench, name):g}"

@@ -176,7 +176,7 @@ def posterior(
         too.
 
     Raises:
-        BadInput: no such fit, noise that too few rows tell, too few walkers, or ``emcee`` is
+        BadInput: no such fit, noise that too few rows determine, too few walkers, or ``emcee`` is
             missing.
         FmuFailure: the FMU failed where the fit ended.
     """

@@ -83,7 +83,7 @@ def sampler_library() -> Any:
     """``emcee``.
 
     Raises:
-        BadInput: it is not installed; says how it is.
+        BadInput: it is not installed; states how to install it.
     """
     try:
         import emcee

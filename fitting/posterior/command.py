@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BadInput: campaign, fit or FMU are not what they should be, or emcee is missing.
         FmuFailure: the FMU failed where the fit ended.
-        KeyboardInterrupt: before there was a result; says how to continue from what is kept.
+        KeyboardInterrupt: before there was a result; states how to continue from what is kept.
     """
     # the work takes libraries along, help does not
     from fitting.extension.report import printed_lines

@@ -37,7 +37,7 @@ def save_figure(summary: PosteriorSummary, draws: FloatArray, folder: Path) -> D
     """Draw and write the figure.
 
     Args:
-        summary: What the draws say.
+        summary: What the draws show.
         draws: (k, n) in the parameters' units.
         folder: Where the files go.
     """
@@ -49,7 +49,7 @@ def draw(summary: PosteriorSummary, draws: FloatArray) -> Described:
     """The corner figure.
 
     Args:
-        summary: What the draws say.
+        summary: What the draws show.
         draws: (k, n) in the parameters' units.
     """
     names = list(summary.values)
@@ -133,7 +133,7 @@ def alone(axes: Axes, draws: FloatArray, scaling: Scaling, interval: tuple[float
         axes: to draw into.
         draws: (k,) in their unit.
         scaling: how they are shown.
-        interval: in their unit; NaN: none is told.
+        interval: in their unit; NaN: none is stated.
     """
     axes.hist((draws - scaling.offset) / scaling.factor, _bins(draws), color=BLUE, histtype="step")
     if all(map(math.isfinite, interval)):

@@ -93,7 +93,7 @@ class Job:
         seed: Of the draws.
 
     Raises:
-        BadInput: another fit, too few walkers, noise that too few rows tell, or no ``emcee``.
+        BadInput: another fit, too few walkers, noise that too few rows determine, or no ``emcee``.
         FmuFailure: the FMU failed where the fit ended.
     """
 

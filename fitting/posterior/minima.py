@@ -286,7 +286,7 @@ def _turns(parameter: Parameter, centre: float) -> tuple[float, ...]:
 def about(target: Target, minimum: Minimum, p: FloatArray) -> FloatArray:
     """Parameters (..., n) with each whose box holds a whole period turned nearest to a minimum.
 
-    Values that differ by a period are the same system: an interval is told about the minimum.
+    Values that differ by a period are the same system: an interval is given about the minimum.
 
     Args:
         target: The posterior.

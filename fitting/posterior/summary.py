@@ -116,7 +116,7 @@ class PosteriorMode:
 class PosteriorSummary(EndedRecord):
     """What `posterior.json` holds.
 
-    `status` is "converged", "not converged" or "interrupted", `message` says why. `steps` of
+    `status` is "converged", "not converged" or "interrupted", `message` states why. `steps` of
     `walkers` were taken, `discarded` of them at the beginning are left out. `evaluations` of the
     model were asked for, `failed` of them had no value, which counts as impossible; `accepted` is
     the share of proposals that were taken. `alternative` are the discrete settings. `derived` are

@@ -1,6 +1,6 @@
 """What a command hands to other programs where its results are no record of their own: plain data.
 
-Numbers stand in the units that are named beside them; whatever is not known is NaN.
+Numbers stand in the units that are named next to them; whatever is not known is NaN.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ class ShownCampaign:
 
 
 def shown_fit(fit: Fit) -> ShownCampaign:
-    """All that the report shows of a fit, beside its result.
+    """All that the report shows of a fit, next to its result.
 
     Args:
         fit: the solved problem.
@@ -79,7 +79,7 @@ def shown_fit(fit: Fit) -> ShownCampaign:
 
 
 def figures_of(fit: Fit) -> tuple[Figure, ...]:
-    """What the measurements of a fit show beside its model, in their order.
+    """What the measurements of a fit show next to its model, in their order.
 
     Args:
         fit: the solved problem.

@@ -28,7 +28,7 @@ class Handed(ParameterEstimate):
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What a result hands on: ``parameters``, ``settings``, and what the campaign set beside.
+    """What a result hands on: ``parameters``, ``settings``, and what the campaign set besides.
 
     ``settings`` are of the alternative that fits best, ``open_settings`` those of one that others
     equal, which are left. ``campaign_values`` are start

@@ -24,7 +24,7 @@ from fitting.text.records import to_plain
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """What the result says about the FMU and how it was asked; `units` name -> unit."""
+    """What the result states about the FMU and how it was asked; `units` name -> unit."""
 
     name: str = ""
     file: str = ""

@@ -28,7 +28,7 @@ NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 def identify_fmu(description: FmuDescription, command: str) -> Identity:
-    """What the result says about the FMU, without the plan.
+    """What the result states about the FMU, without the plan.
 
     Args:
         description: of the FMU.
@@ -50,13 +50,13 @@ def result_through(
 ) -> Result:
     """The result of a fit through an FMU, with the plan and the FMU's warnings.
 
-    Only what the FMU warns of at the solution is a warning; what it said elsewhere is a note.
+    Only what the FMU warns of at the solution is a warning; what it logged elsewhere is a note.
 
     Args:
         planned: the FMU, and how it was driven.
         fit: the solved problem.
         inference: what its data determine.
-        identity: what is said of the FMU.
+        identity: of the FMU.
         seconds: what planning, fit and inference took, s.
 
     Raises:

@@ -1,7 +1,7 @@
 """The result of a reconstruction as records; `result.json` and `history.csv` from and to them.
 
 Ending badly is a value: `status` and `message` are stored like any number. All numbers are in the
-units that stand beside them; `nan` (JSON null) where there is none.
+units that are next to them; `nan` (JSON null) where there is none.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class Provenance:
     """Where the result comes from; `plan` and `notes` in sentences.
 
     `notes` are about the run, not about the result. `files`: path as seen from the campaign's
-    folder -> sha256. `start_values` are those of the FMU that were set beside the fitted ones.
+    folder -> sha256. `start_values` are those of the FMU that were set next to the fitted ones.
     """
 
     fmu_name: str
@@ -115,7 +115,7 @@ class Provenance:
 
 
 class Compared(Protocol):
-    """What a result says of its peaks beside the model's, which no inference changes."""
+    """What a result states of its peaks next to the model's, which no inference changes."""
 
     @property
     def peaks(self) -> tuple[Peak, ...]:

@@ -18,7 +18,7 @@ class Averaged(Instrument):
 
     Of one spectrum's peak: ``floor_v`` per quadrature, which falls by the root of how many are
     averaged, and ``relative`` to the peak, which stays. With ``phases`` "x_v" and "y_v" stand in
-    place of "peaks_v", both with that noise, against a reference phase that nobody knows.
+    place of "peaks_v", both with that noise, against a reference phase that is not known.
     """
 
     floor_v: float
@@ -54,4 +54,4 @@ class Averaged(Instrument):
         return tuple(result)
 
     def edit(self, tables: Tables) -> None:
-        """The plan says how its data are to be read."""
+        """The plan states how its data are to be read."""

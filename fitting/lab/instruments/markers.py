@@ -22,7 +22,7 @@ SIGMAS = ("s_u1", "s_u2", "s_low", "s_high")
 class Markers(Instrument):
     """Arrays "peaks_v" and "sigmas_v" (4,), at the combinations `READ`.
 
-    A line has the relative error ``repeatability`` beside the noise floor.
+    A line has the relative error ``repeatability`` next to the noise floor.
 
     Raises:
         ValueError: a repeatability that is none.

@@ -1,6 +1,6 @@
-"""Lock-in amplifiers that tell both quadratures: X and Y of every tone, one mode or both.
+"""Lock-in amplifiers that record both quadratures: X and Y of every tone, one mode or both.
 
-The two amplifiers share a reference, whose phase against the drive nobody knows; it is another one
+The two amplifiers share a reference, whose phase against the drive is not known; it is another one
 after a restart. Noise is alike on both quadratures and relative to the amplitude, as `lock_in` has
 it: an amplitude that is known to 1 % has a phase that is known to 0.01 rad.
 """

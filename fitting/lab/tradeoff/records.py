@@ -100,7 +100,7 @@ class Study:
         return next((row for row in self.rows if row.setting.name == PLAN), None)
 
     def mark(self, row: Row) -> str:
-        """What is said of a row: "cheapest", "plan", both, or nothing.
+        """The mark of a row: "cheapest", "plan", both, or nothing.
 
         Args:
             row: of the study.

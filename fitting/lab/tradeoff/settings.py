@@ -66,7 +66,7 @@ def reference_of(campaign: Campaign, fmu: ff.Fmu, accuracy: float) -> list[Setti
 
 
 def annotation_of(campaign: Campaign, fmu: ff.Fmu) -> AccuracyAnnotation:
-    """What the campaign, and where it is silent the FMU, says of accuracy and reductions.
+    """What the campaign, and where it is silent the FMU, states of accuracy and reductions.
 
     Args:
         campaign: that is simulated.

@@ -31,7 +31,7 @@ _INDEX = re.compile(r"_\{\\mathrm\{([^{}]*)\}\}")
 class Shown:
     """What one artist shows at places along both axes: `parts` of (n, 2) points, `label`, `artist`.
 
-    `values` (n,) are those of a map at its points, `colours` what they stand for.
+    `values` (n,) are those of a map at its points, `colours` what they represent.
     """
 
     label: str
@@ -51,7 +51,7 @@ def figure_csv(figure: Figure) -> str:
 
     Columns: the panel by its title (else its number), the series by its label, both axes by
     theirs, which hold offset and unit, and the point; of a figure with a map also what its colours
-    stand for, and the value.
+    represent, and the value.
 
     Args:
         figure: as it is drawn.

@@ -147,8 +147,8 @@ def parameter_path(result: Result, *names: str, ax: Axes | None = None) -> Axes:
     """Draw fitted parameters over the levels of the regularisation ν, from the start point on.
 
     One parameter is drawn as its value in its unit, several (of one unit) as corrections p - p_ref,
-    which makes them comparable. Dashed: the value at the reference. A start far outside is told in
-    words.
+    which makes them comparable. Dashed: the value at the reference. A start far outside is stated
+    in words.
 
     Args:
         result: a reconstruction with a history.
@@ -218,7 +218,7 @@ def output_by_experiment(
 ) -> Axes:
     """Draw a derived output of every experiment with its mean (dashed) and spread (band).
 
-    The title says how well the data determine it, never a small error where they do not.
+    The title states how well the data determine it, never a small error where they do not.
 
     Args:
         result: a reconstruction.
@@ -252,7 +252,7 @@ def output_by_experiment(
 def _level_curves(
     axes: Axes, curves: Mapping[str, Sequence[float]], reference: float, unit: str, what: str
 ) -> None:
-    """Values over the levels; a start far from all of them is told in words, not drawn.
+    """Values over the levels; a start far from all of them is stated in words, not drawn.
 
     The picture then shows how far the data moved the values from their reference.
     """

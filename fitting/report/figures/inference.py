@@ -46,7 +46,7 @@ BENT = 1.0
 
 
 def _colours(verdicts: Sequence[Verdict]) -> dict[str, str]:
-    """Colours of the bands that are drawn, each with the verdicts that it stands for."""
+    """Colours of the bands that are drawn, each with the verdicts that it represents."""
     words: dict[str, list[str]] = {}
     for verdict, colour in VERDICT_COLOURS.items():
         if verdict in verdicts:
@@ -60,7 +60,7 @@ def knowledge_figures(result: Values, title: str, *, synthetic: bool) -> list[Pl
     Args:
         result: values with their profiles.
         title: of the campaign.
-        synthetic: whether the data are synthetic, which the figure then says.
+        synthetic: whether the data are synthetic, which the figure then prints.
     """
     draws: dict[str, Callable[..., Described]] = {}
     if _curved(result):
@@ -113,7 +113,7 @@ def draw_profiles(result: Values, campaign: str, *, synthetic: bool) -> Describe
     Args:
         result: values with their profiles.
         campaign: title of the campaign.
-        synthetic: whether the data are synthetic, which the figure then says.
+        synthetic: whether the data are synthetic, which the figure then prints.
     """
     shown = _curved(result)
     words = described(
@@ -162,7 +162,7 @@ def draw_together(result: Values, campaign: str, *, synthetic: bool) -> Describe
     Args:
         result: values with their profiles.
         campaign: title of the campaign.
-        synthetic: whether the data are synthetic, which the figure then says.
+        synthetic: whether the data are synthetic, which the figure then prints.
     """
     names = _together(result)
     around = [name for name in names if result.parameters[name].is_all_round]
@@ -201,7 +201,7 @@ def draw_outputs(result: Values, campaign: str, *, synthetic: bool) -> Described
     Args:
         result: values with their profiles.
         campaign: title of the campaign.
-        synthetic: whether the data are synthetic, which the figure then says.
+        synthetic: whether the data are synthetic, which the figure then prints.
     """
     chosen = _along(result)
     if chosen is None:
@@ -231,7 +231,7 @@ def draw_nu(nu: NuChoice, campaign: str, *, synthetic: bool) -> Described:
     Args:
         nu: choices of ν, and what each is based on.
         campaign: title of the campaign.
-        synthetic: whether the data are synthetic, which the figure then says.
+        synthetic: whether the data are synthetic, which the figure then prints.
     """
     words = described(NU, nu=nu)
     figure = new_figure(words.title, campaign, synthetic=synthetic, height=3.4)

@@ -1,4 +1,4 @@
-"""Figures of what was measured beside what the model says, of any kind of measurement."""
+"""Figures of what was measured next to the model's values, of any kind of measurement."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def draw_measurement(described: Figure, data: ShownCampaign) -> Figure:
     """A figure as a measurement describes it, under the title of its campaign.
 
     Args:
-        described: what is on its panels, and what is said of them.
+        described: what is on its panels, and the text below.
         data: what is shown of the campaign, and of each where several are fitted together.
     """
     own = data.series.get(described.series, data)
@@ -133,11 +133,11 @@ class Scales:
 
 
 def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) -> Axes:
-    """Draw one panel of a measurement: what was measured beside what the model says.
+    """Draw one panel of a measurement: what was measured next to the model's values.
 
     Args:
         shown: the panel, as a kind of measurement describes it.
-        among: panels beside it; those with an equal axis choose its prefix together.
+        among: panels next to it; those with an equal axis choose its prefix together.
         ax: where to draw; pyplot's current axes if not given.
     """
     axes = axes_of(ax)
@@ -230,7 +230,7 @@ def _points(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
 
 
 def _curve(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
-    """A line, told from the others by its dashes and its width as well."""
+    """A line, distinguished from the others by its dashes and its width as well."""
     x, y, sigma = _scaled(layer, scales)
     looks: dict[Role, dict[str, Any]] = {
         Role.MEASURED: {"linewidth": 1.4},
@@ -244,7 +244,7 @@ def _curve(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
 
 
 def _stems(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
-    """Dashed stems with an open marker, whose shape tells the experiment."""
+    """Dashed stems with an open marker, whose shape marks the experiment."""
     x, y, _ = _scaled(layer, scales)
     colour = _colour(layer)
     axes.vlines(x, 0.0, y, color=colour, linestyle=DASHES, linewidth=1.3)
@@ -276,7 +276,7 @@ def _levels(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
 
 
 def _map(axes: Axes, layer: Layer, scales: Scales, z: Axis) -> None:
-    """A column of cells for each place along x, and the bar that tells what their colours mean."""
+    """A column of cells for each place along x, and the bar with the meaning of their colours."""
     scaling = _scaling(z, _finite([layer.z]))
     x, y, _ = _scaled(layer, scales)
     values = (layer.z - scaling.offset) / scaling.factor

@@ -62,7 +62,7 @@ def save_figures(
 
 
 def draw_trace(result: DriveResponse, model: str, units: Sequence[str]) -> Described:
-    """The envelope over two beats, beside it some periods at the envelope's maximum.
+    """The envelope over two beats, next to it some periods at the envelope's maximum.
 
     Args:
         result: of the drive.

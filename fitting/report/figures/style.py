@@ -139,7 +139,7 @@ def say_empty(axes: Axes, words: str = "the model has no value here") -> None:
 
 
 def experiment_handles(labels: Sequence[str]) -> list[Line2D]:
-    """Legend entries that tell which marker is which experiment.
+    """Legend entries that show which marker is which experiment.
 
     Args:
         labels: of the experiments.
@@ -267,7 +267,7 @@ def new_figure(
     Args:
         title: of the campaign.
         campaign: title of the campaign.
-        synthetic: whether the data are synthetic, which the figure then says.
+        synthetic: whether the data are synthetic, which the figure then prints.
         height: of the figure, inch.
         width: of the figure, inch.
     """

@@ -180,7 +180,7 @@ def deviations(
     """Draw the relative deviation |χz − z*|/z* of every peak over its frequency.
 
     Before the fit open, after it filled, both joined; dashed lines are the means. The marker shape
-    tells the experiment.
+    marks the experiment.
 
     Args:
         result: a reconstruction with peaks.
@@ -302,7 +302,7 @@ def deviations_by_experiment(result: Compared, *, ax: Axes | None = None) -> Axe
 def residuals(result: Compared, *, ax: Axes | None = None) -> Axes:
     """Draw what the fit leaves of every peak, (χz − z*)/σ, in the column of its experiment.
 
-    The band is ±2; values beyond 5 are written beside their points.
+    The band is ±2; values beyond 5 are written next to their points.
 
     Args:
         result: a reconstruction with peaks; those without a standard deviation have no point.
@@ -432,7 +432,7 @@ def _after(marker: str) -> dict[str, Any]:
 
 
 def _draw_means(axes: Axes, result: Compared) -> None:
-    """Dashed mean lines, their numbers in the legend beside the marker that they belong to."""
+    """Dashed mean lines, their numbers in the legend next to the marker that they belong to."""
     for colour, face, deviation, when in (
         (ink(), axes.get_facecolor(), result.deviations.initial, "before"),
         (AFTER, AFTER, result.deviations.final, "after"),
