@@ -19,6 +19,7 @@ import fitting.resonance.ringdown as decays
 from fitting.api.printed import HtmlText
 from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import DipReading
+from fitting.lines.names import FANO, OFFSET, form_of_terms
 from fitting.report.resonance import report, text
 from fitting.resonance.decay_reading import decay_record_of, is_over_time, read_decay_of
 from fitting.resonance.line import WIRINGS, line_of
@@ -199,13 +200,17 @@ def _record(
 
 
 @checked
-def line(
+def line(  # noqa: PLR0913 - what a line may be asked to be
     source: str | Path | npt.ArrayLike,
     values: npt.ArrayLike | None = None,
     *,
     unit: str = "1",
     within_hz: tuple[float | None, float | None] = (None, None),
     wiring: str = "",
+    shape: str = "",
+    background: str = "",
+    noise: str = "",
+    delay: bool | None = None,
     columns: Columns | None = None,
 ) -> Line:
     """One resonance of a measured response: eigenfrequency, full width and quality, with errors.
@@ -223,6 +228,13 @@ def line(
         within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
         wiring: "transmission", "fano", "sloped", "notch" or "reflection", of amplitudes also
             "offset", "floor", "rice", "single" or "tail"; empty: they are compared.
+        shape: "lorentzian", "fano", "duffing", "notch" or "reflection"; with the next two in place
+            of ``wiring``. Empty: compared, or a Lorentzian where one of them is given.
+        background: What is added to the line: "none", "constant" or "slope", or "tail", that of a
+            line beyond the points; empty: compared, or none.
+        noise: Of amplitudes: "normal"; "power" or "amplitude", which were averaged; "readings",
+            each in the noise of X and Y; empty: compared, or normal.
+        delay: Whether the delay of a cable is fitted to complex values; None: compared.
         columns: Of a file, what it does not state.
 
     Returns:
@@ -240,7 +252,13 @@ def line(
         lambda axis, ordinate: trace_of(axis, ordinate, unit),
         ("line", "frequencies", "values"),
     )
-    return Line(**fields_of(line_of(trace.within(*within_hz), wiring), sweeps.Line))
+    terms = form_of_terms(shape, background, noise)
+    if wiring and terms:
+        raise BadInput("wiring: is shape, background and noise in one; wanted these or wiring")
+    if terms == OFFSET and trace.is_complex:
+        terms = FANO  # a complex constant
+    result = line_of(trace.within(*within_hz), wiring or terms, delayed=delay)
+    return Line(**fields_of(result, sweeps.Line))
 
 
 @checked
@@ -346,7 +364,7 @@ def kind_of_file(source: Path, columns: Columns, kind: str = "") -> str:
 
     Args:
         source: The file.
-        columns: What it does not state.
+        columns: What it does not tell.
         kind: Of a file over frequency, where it is stated.
 
     Raises:

@@ -64,17 +64,17 @@ class LineRow:
     @property
     def findings(self) -> tuple[str, ...]:
         """What contradicts a single line with noise of one size."""
-        result = self.line
-        if result is None:
+        found = self.line
+        if found is None:
             return ()
-        made = [f"residuals {what}" for what in result.structure.found]
-        made += ["second line"] * (result.second is not None)
-        if isinstance(result, Line):
-            made += [fault.fault.value for fault in result.faults]
-            made += ["frequency depends on the amplitude"] * (result.bend is not None)
-        elif isinstance(result, Ringdown):
-            made += ["frequency depends on the amplitude"] * (result.shift.value != 0.0)
-            made += ["damping depends on the amplitude"] * (result.extra.value != 0.0)
+        made = [f"residuals {what}" for what in found.structure.found]
+        made += ["second line"] * (found.second is not None)
+        if isinstance(found, Line):
+            made += [fault.fault.value for fault in found.faults]
+            made += ["frequency depends on the amplitude"] * (found.bend is not None)
+        elif isinstance(found, Ringdown):
+            made += ["frequency depends on the amplitude"] * (found.shift.value != 0.0)
+            made += ["damping depends on the amplitude"] * (found.extra.value != 0.0)
         return tuple(made)
 
     def to_dict(self) -> dict[str, str | float]:
@@ -142,12 +142,16 @@ class Lines:
 
 
 @checked
-def lines(
+def lines(  # noqa: PLR0913 - what lines may be asked to be
     files: Sequence[str | Path],
     *,
     kind: str = "",
     within: tuple[float | None, float | None] = (None, None),
     wiring: str = "",
+    shape: str = "",
+    background: str = "",
+    noise: str = "",
+    delay: bool | None = None,
     demodulated_at_hz: float | None = None,
     columns: Columns | None = None,
 ) -> Lines:
@@ -161,8 +165,12 @@ def lines(
         kind: Of files over frequency: "noise" or "sweep"; empty: by unit and name.
         within: First and last frequency that are taken, Hz, of ringdowns times, s; None: all.
         wiring: Of sweeps, see `line`.
+        shape: Of sweeps, see `line`.
+        background: Of sweeps, see `line`.
+        noise: Of sweeps, see `line`.
+        delay: Of sweeps, see `line`.
         demodulated_at_hz: Of ringdowns, the frequency of the demodulator, Hz.
-        columns: What the files do not state.
+        columns: What the files do not tell.
 
     Raises:
         BadInput: fewer than two files, or none of them has a line.
@@ -173,22 +181,31 @@ def lines(
     control = _control(paths)
     rows, errors = [], []
     for path, value in zip(paths, control[2], strict=True):
-        result: Line | Ringdown | NoiseLine | None = None
+        found: Line | Ringdown | NoiseLine | None = None
         reason = ""
         try:
             what = kind_of_file(path, known, kind)
             if what == RINGDOWN:
-                result = ringdown(
+                found = ringdown(
                     path, within_s=within, demodulated_at_hz=demodulated_at_hz, columns=known
                 )
             elif what == NOISE:
-                result = noise_line(path, within_hz=within, columns=known)
+                found = noise_line(path, within_hz=within, columns=known)
             else:
-                result = line(path, within_hz=within, wiring=wiring, columns=known)
+                found = line(
+                    path,
+                    within_hz=within,
+                    wiring=wiring,
+                    shape=shape,
+                    background=background,
+                    noise=noise,
+                    delay=delay,
+                    columns=known,
+                )
         except BadInput as error:
             errors.append(str(error))
             reason = str(error).removeprefix(f"{path}: ")
-        rows.append(LineRow(file=str(path), control=value, line=result, reason=reason))
+        rows.append(LineRow(file=str(path), control=value, line=found, reason=reason))
     if len(errors) == len(rows):
         raise BadInput(*errors)
     return Lines(rows=tuple(rows), control=control[0], unit=control[1])
@@ -206,11 +223,11 @@ def _control(paths: Sequence[Path]) -> tuple[str, str, tuple[float, ...]]:
     return name, unit, values
 
 
-def write_lines(result: Lines, out: str | Path) -> tuple[Path, ...]:
+def write_lines(found: Lines, out: str | Path) -> tuple[Path, ...]:
     """Write lines.csv and a figure of frequency and FWHM over the control.
 
     Args:
-        result: What `lines` returned.
+        found: What `lines` returned.
         out: Folder, made where there is none.
 
     Returns:
@@ -223,7 +240,7 @@ def write_lines(result: Lines, out: str | Path) -> tuple[Path, ...]:
     report = importlib.import_module("fitting.report.line")
     with results_folder(Path(out), "line", LINES_FILES):
         files: tuple[Path, ...] = report.write_lines(
-            result.to_dict(), (result.control, result.unit), Path(out)
+            found.to_dict(), (found.control, found.unit), Path(out)
         )
         remove_earlier(Path(out), LINES_FILES)
     return files

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import warnings
 from pathlib import Path
+from typing import Any
 
 import fitting as ff
 from fitting.cli.running.output import hand_over
@@ -27,14 +29,38 @@ RINGDOWN = "ringdown"
 REFUSED = {
     SWEEP: (("demodulated_at",), "is of a ringdown, and {} is a sweep; wanted it without"),
     RINGDOWN: (
-        ("wiring", "kind"),
+        ("wiring", "shape", "background", "noise", "delay", "kind"),
         "is of a sweep, and {} is a recording over time; wanted it without",
     ),
     NOISE: (
-        ("demodulated_at", "wiring"),
+        ("demodulated_at", "wiring", "shape", "background", "noise", "delay"),
         "{} is a noise spectrum, which has none; wanted it without, or --kind sweep",
     ),
 }
+#: Options about the model of a sweep, their values, and what each is.
+MODEL = {
+    "shape": {
+        "lorentzian": "a damped mode",
+        "fano": "a mode on a complex constant",
+        "duffing": "a mode whose frequency follows its amplitude",
+        "notch": "a resonator next to a feed line",
+        "reflection": "a resonator at the end of a line",
+    },
+    "background": {
+        "none": "the line alone",
+        "constant": "an added constant",
+        "slope": "a constant and a slope",
+        "tail": "the tail of a line beyond the points",
+    },
+    "noise": {
+        "normal": "as the points scatter",
+        "power": "averaged powers, to which noise adds its own",
+        "amplitude": "averaged amplitudes in the noise of X and Y (Rice)",
+        "readings": "single readings in the noise of X and Y (Rice)",
+    },
+    "delay": {"yes": "phases have the delay of a cable", "no": "they have none"},
+}
+#: Values of --wiring, which goes with 0.4.
 WIRINGS = (
     "transmission",
     "fano",
@@ -71,9 +97,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--to", dest="high", metavar="F", help='last frequency, as "30.3 kHz", or last time'
     )
-    parser.add_argument(
-        "--wiring", choices=WIRINGS, help="background of the line (selected by AIC)"
+    group = parser.add_argument_group(
+        "model of a sweep",
+        "without these, forms are compared and selected by AIC; with some, the others are plain",
     )
+    for name, values in MODEL.items():
+        words = "; ".join(f"{value}: {text}" for value, text in values.items())
+        group.add_argument(f"--{name}", choices=tuple(values), help=words)
+    parser.add_argument("--wiring", choices=WIRINGS, help=argparse.SUPPRESS)
     parser.add_argument(
         "--demodulated-at",
         metavar="F",
@@ -122,8 +153,7 @@ def run(args: argparse.Namespace) -> int:
         elif kind == NOISE:
             result = ff.noise_line(args.file, within_hz=ends, columns=columns)
         else:
-            wiring = args.wiring or ""
-            result = ff.line(args.file, within_hz=ends, wiring=wiring, columns=columns)
+            result = ff.line(args.file, within_hz=ends, columns=columns, **_model(args))
     hand_over(args, result)
     print(result.fit_report() if args.verbose else result)
     if args.out is not None:
@@ -145,7 +175,7 @@ def _of_many(args: argparse.Namespace) -> int:
             args.files,
             kind=args.kind or "",
             within=ends,
-            wiring=args.wiring or "",
+            **_model(args),
             demodulated_at_hz=_demodulated_at(args),
             columns=columns,
         )
@@ -154,6 +184,16 @@ def _of_many(args: argparse.Namespace) -> int:
     if args.out is not None:
         print(*ff.write_lines(result, args.out), sep="\n")
     return 0
+
+
+def _model(args: argparse.Namespace) -> dict[str, Any]:
+    """What the line of a sweep is asked to be, as arguments of `fitting.line`."""
+    if args.wiring is not None:
+        text = "line: --wiring is --shape, --background and --noise now; it goes with 0.4"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+    names = ("wiring", "shape", "background", "noise")
+    made: dict[str, Any] = {name: getattr(args, name) or "" for name in names}
+    return made | {"delay": None if args.delay is None else args.delay == "yes"}
 
 
 def _demodulated_at(args: argparse.Namespace) -> float | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fitting.text.errors import BadInput
+
 TRANSMISSION, FANO, SLOPED = "transmission", "fano", "sloped"
 OFFSET, SLOPE, FLOOR, RICE, SINGLE, TAIL = "offset", "slope", "floor", "rice", "single", "tail"
 #: What a campaign may declare next to the line of a sweep, and what is added to its amplitudes.
@@ -37,3 +39,47 @@ TIME_PAGE = "fmu-fit help traces"
 TIME_WAY = (
     f"the FMU whose output was recorded, as fmu-fit init --fmu drafts a campaign: {TIME_PAGE}"
 )
+#: What a line may be asked to be: its shape, what is added to it, and how its noise was detected.
+SHAPES = ("lorentzian", FANO, "duffing", "notch", "reflection")
+ADDED_TERMS = ("none", "constant", SLOPE, TAIL)
+NOISES = ("normal", "power", "amplitude", "readings")
+#: The form with each of them that there is.
+FORM_OF_TERMS = {
+    **{(shape, "none", "normal"): shape for shape in SHAPES},
+    ("lorentzian", "none", "normal"): TRANSMISSION,
+    ("lorentzian", "constant", "normal"): OFFSET,
+    ("lorentzian", SLOPE, "normal"): SLOPED,
+    ("lorentzian", TAIL, "normal"): TAIL,
+    ("lorentzian", "none", "power"): FLOOR,
+    ("lorentzian", "none", "amplitude"): RICE,
+    ("lorentzian", "none", "readings"): SINGLE,
+    ("duffing", "constant", "normal"): "duffing_offset",
+}
+
+
+def form_of_terms(shape: str, background: str, noise: str) -> str:
+    """The form that is asked for by its terms; empty where none of them is.
+
+    Args:
+        shape: one of `SHAPES`; empty: a Lorentzian, if another one is asked for.
+        background: one of `ADDED_TERMS`; empty: none.
+        noise: one of `NOISES`; empty: normal.
+
+    Raises:
+        BadInput: an unknown term, or terms that are not fitted together.
+    """
+    given = {"shape": shape, "background": background, "noise": noise}
+    allowed = {"shape": SHAPES, "background": ADDED_TERMS, "noise": NOISES}
+    for name, value in given.items():
+        if value and value not in allowed[name]:
+            raise BadInput(f"{name}: found '{value}', wanted one of {', '.join(allowed[name])}")
+    if not any(given.values()):
+        return ""
+    wanted = (shape or "lorentzian", background or "none", noise or "normal")
+    if wanted not in FORM_OF_TERMS:
+        known = "; ".join(", ".join(terms) for terms in FORM_OF_TERMS)
+        raise BadInput(
+            f"shape, background and noise: found {', '.join(wanted)}, which are not fitted "
+            f"together; wanted one of: {known}"
+        )
+    return FORM_OF_TERMS[wanted]

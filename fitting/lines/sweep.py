@@ -102,6 +102,7 @@ def fit_sweep(
     *,
     form: str = "",
     elsewhere: Sequence[Place] = (),
+    delayed: bool | None = None,
     source: str = "sweep",
 ) -> SweepFit:
     """The one line of a sweep.
@@ -111,6 +112,7 @@ def fit_sweep(
         values: amplitudes, or complex values with phases as Re[values exp(i 2 pi f t)], (n,).
         form: name of the form that is wanted; empty: they are compared.
         elsewhere: lines that are observed beyond the ends.
+        delayed: whether complex values have the delay of a cable; None: both are compared.
         source: of the data, for errors.
 
     Raises:
@@ -121,7 +123,7 @@ def fit_sweep(
             f"{source}: {frequency_hz.size} points are too few for a resonance fit; wanted at "
             f"least {MIN_SWEEP_POINTS}"
         )
-    return _Search(frequency_hz, values, form, tuple(elsewhere), source).fit()
+    return _Search(frequency_hz, values, form, tuple(elsewhere), source, delayed).fit()
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,7 @@ class _Search:
     wanted: str
     elsewhere: tuple[Place, ...]
     source: str
+    delayed: bool | None = None
     weights: FloatArray | None = None
 
     @property
@@ -235,7 +238,7 @@ class _Search:
             (made if resolved else hidden).append(fit)
 
         if self.is_complex:
-            for delayed in (False, True):
+            for delayed in (False, True) if self.delayed is None else (self.delayed,):
                 for form in COMPLEX_FORMS.values():
                     form = replace(form, delayed=delayed, tails=self.elsewhere)
                     if not form.bent:

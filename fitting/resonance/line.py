@@ -76,12 +76,13 @@ class Line(MeasuredLine):
     clipped: Clipped | None = None
 
 
-def line_of(trace: Trace, wiring: str = "") -> Line:
+def line_of(trace: Trace, wiring: str = "", *, delayed: bool | None = None) -> Line:
     """The resonance of a trace.
 
     Args:
         trace: what was measured.
         wiring: one of `WIRINGS`; empty: the forms are compared.
+        delayed: whether the delay of a cable is fitted; None: if that describes the points better.
 
     Raises:
         BadInput: no resonance, one that the ends of the sweep cut off, two of them, too few points,
@@ -91,6 +92,8 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
         raise BadInput(f"wiring: found {wiring!r}, wanted one of {', '.join(WIRINGS)}")
     if wiring in AMPLITUDES_ALONE and trace.is_complex:
         raise BadInput(f"wiring: {wiring} wants amplitudes alone, and {trace.source} has phases")
+    if delayed and not trace.is_complex:
+        raise BadInput(f"delay: wants phases, and {trace.source} has amplitudes alone")
     spikes = spikes_in(trace)
     try:
         rest, clipped = without_clipped(without_spikes(trace, spikes))
@@ -101,6 +104,7 @@ def line_of(trace: Trace, wiring: str = "") -> Line:
             rest.values,
             form="fano" if wiring in (NOTCH, REFLECTION) else wiring,
             elsewhere=elsewhere,
+            delayed=delayed,
             source=rest.source,
         )
     except BadInput as error:
