@@ -216,9 +216,12 @@ class _Roles:
             ("phase", PHASE, r"phase|theta|angle|\barg\b", _PHASE_UNITS),
             ("amplitude", AMPLITUDE, _AMPLITUDE_WORDS, None),
         ):
-            if self._give(usual(self.recording, names), role):
-                continue
             lively = [c for c in self._free() if _varies(c)]
+            known = usual(self.recording, names)
+            if role == "amplitude" and lively and known is not None and not _varies(known):
+                known = None  # a channel that was open, next to one that was not
+            if self._give(known, role):
+                continue
             named = [c for c in lively if re.search(pattern, plain_name(c))]
             in_unit = [c for c in lively if (c.unit in units if units else c.unit is not None)]
             rest = "no other one is left"

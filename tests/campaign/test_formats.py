@@ -471,6 +471,16 @@ OVER_TIME: dict[str, tuple[str, Callable[[Path], object]]] = {
             "-1e-3,0.5\n0,0.6\n1e-3,0.5\n-1e-3,0.7\n0,0.8\n1e-3,0.9\n"
         ),
     ),
+    "LabVIEW": (
+        "labview",
+        lambda p: p.write_text(
+            "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n"
+            "***End_of_Header***\t\n\t\nChannels\t2\t\nY_Unit_Label\tVolts\tg\t\n"
+            "X_Dimension\tTime\tTime\t\n***End_of_Header***\t\t\t\n"
+            "X_Value\tVoltage\tAcceleration\tComment\n"
+            "-1e-3\t0.5\t2\n0\t0.6\t3\n1e-3\t0.5\t4\n"
+        ),
+    ),
     "Siglent": (
         "siglent",
         lambda p: p.write_text(

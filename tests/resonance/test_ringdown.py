@@ -279,3 +279,11 @@ def test_a_file_without_names_is_read_as_it_is_told(tmp_path: Path) -> None:
     assert found.frequency.value == pytest.approx(RINGS, abs=5.0 * found.frequency.std)
     assert found.unit == "V"
     assert found.begin_s >= 0.01
+
+
+def test_a_channel_that_was_open_is_not_the_recording(tmp_path: Path) -> None:
+    values = decay(RINGS).real + noise(0.05, 6)
+    path = write(tmp_path / "two.csv", time__s=T, Voltage__V=0.0 * T, Acceleration__g=values)
+    found = ff.ringdown(path)
+    assert found.unit == "g"
+    assert found.frequency.value == pytest.approx(RINGS, abs=5.0 * found.frequency.std)

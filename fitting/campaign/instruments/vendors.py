@@ -131,6 +131,39 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
     return of_rows(path, columns, rows, words, notes, decimal_comma=True)
 
 
+_LABVIEW, _END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
+
+
+def _read_labview(path: Path, _: Selection) -> Recording:
+    """LabVIEW .lvm: ``key<separator>value`` lines, a second head with units, then the columns.
+
+    Each head ends with ``***End_of_Header***``. Times are the first column, or X0 and Delta_X.
+
+    Source: NI, "Specification for the LabVIEW Measurement File (.lvm)".
+    """
+    lines = _numbered(path)
+    ends = [k for k, (_, text) in enumerate(lines) if text.startswith(_END_OF_HEADER)]
+    separator = "," if any(text.startswith("Separator,") for _, text in lines) else "\t"
+    cells = [(n, split_line(text, separator)) for n, text in lines]
+    if not ends or len(cells) < ends[-1] + 3:
+        raise BadInput(f"{path}: no columns below '{_END_OF_HEADER}'; wanted a .lvm file with data")
+    head = {row[0]: [c.strip() for c in row[1:]] for _, row in cells[: ends[-1]] if row[0]}
+    if head.get("X_Columns", ["One"])[0] != "One":
+        raise BadInput(
+            f"{path}: X_Columns: found '{head['X_Columns'][0]}', wanted 'One', the times of all "
+            "channels in the first column"
+        )
+    names = [c.strip() for c in cells[ends[-1] + 1][1] if c.strip() and c.strip() != "Comment"]
+    units = [_unit(c) for c in head.get("Y_Unit_Label", [])]
+    axis = head.get("X_Dimension", ["Time"])[0]
+    x_unit = _unit(head.get("X_Unit_Label", [""])[0]) or {"Time": "s", "Frequency": "Hz"}.get(axis)
+    named = zip([axis, *names[1:]], [x_unit, *units, *[None] * len(names)], strict=False)
+    columns = [(name, unit, at) for at, (name, unit) in enumerate(named)]
+    rows = [(n, row) for n, row in cells[ends[-1] + 2 :] if any(c.strip() for c in row)]
+    comma = head.get("Decimal_Separator", ["."])[0] == ","
+    return of_rows(path, columns, rows, "LabVIEW measurement file", decimal_comma=comma)
+
+
 #: Kinds of Keysight's columns, real and imaginary part and units, by what stands in brackets.
 _KINDS = {
     **dict.fromkeys(("real", "re"), "real"),
@@ -450,6 +483,7 @@ def _of_keysight(head: Head) -> bool:
 LAYOUTS = (
     Layout("afm", _read_nanonis, lambda head: "[DATA]" in map(str.strip, head.lines)),
     Layout("keysight", _read_keysight, _of_keysight, keys=("trace",)),
+    Layout("labview", _read_labview, lambda head: head.first_line.startswith(_LABVIEW)),
     Layout(
         "lecroy",
         _read_lecroy,
