@@ -40,6 +40,8 @@ PLAINLY = 10.0
 SMOOTHED = 5
 #: Widths over the spacing of the points with which a line begins.
 BEGINS = np.exp([1.0, 2.0, 3.0, 4.0])
+#: Widths of modes under one force over those of lines that add up, which interference narrows.
+WIDER = (1.0, 3.0)
 #: Smallest density over the largest one, and deviance.
 LEAST = 1e-12
 #: Probability below which chance does not explain what a further line gains.
@@ -194,7 +196,11 @@ def _moved(model: NoiseSpectrum, fit: Fit, y: FloatArray) -> tuple[Found, bool]:
     (one, a), (two, b) = ((place, max(float(height), LEAST)) for place, height in places)
     floor, r = max(float(fit.coefficients[-1]), LEAST), math.sqrt(b / a)
     together, coupled = (replace(model, kind=kind) for kind in (TOGETHER, COUPLED))
-    starts = [([one, two], [sign * r, a, floor]) for sign in (1.0, -1.0)]
+    starts = [
+        ([Place(f, wider * w) for f, w in (one, two)], [sign * r, a, floor])
+        for wider in WIDER
+        for sign in (1.0, -1.0)
+    ]
     tried = [
         _lowest(together, y, starts),
         _lowest(coupled, y, _coupled((one, a), (two, b), floor)),

@@ -90,6 +90,22 @@ def test_one_force_on_both_modes_is_told_by_what_stands_between_them(sign: float
     assert found.height[1] / found.height[0] == pytest.approx(0.5 * sign, rel=0.1)
 
 
+def test_modes_that_interfere_widely_are_not_taken_for_coupled_ones() -> None:
+    """Seven widths apart over a low floor: as lines that add up both are a third too narrow."""
+    f = np.arange(9500.0, 10500.0, 4.0)
+    one, two = (
+        f0 * w / (f0**2 - f**2 + 1j * f * w) for f0, w in ((10_000.0, 20.94), (10_158.2, 22.32))
+    )
+    density = np.abs(one - 0.7 * two) ** 2 + 2.5e-4
+    for seed in range(3):
+        scatter = np.random.default_rng(seed).gamma(20.0, 1.0 / 20.0, f.size)
+        found = noise_lines(f, density * scatter)
+        assert found is not None
+        assert found.kind == TOGETHER
+        line = found.lines[0]
+        assert line.width.value == pytest.approx(20.94, abs=4.0 * line.width.std)
+
+
 @pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.nightly) for k in (2, 3))])
 def test_coupled_modes_in_heat_of_which_one_is_seen_are_told_from_lines_that_add_up(
     seed: int,
