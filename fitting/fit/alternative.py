@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, to_model
-from fitting.fit.likelihood.descent import Optimum, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of, likelihood_with
+from fitting.fit.likelihood.optimum import Optimum, most_likely
 from fitting.fit.noise import RowNoise, noise_of, shared
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import mean

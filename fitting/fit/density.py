@@ -130,7 +130,7 @@ class Density:
         return total
 
     def white(
-        self, place: FloatArray, rows: FloatArray, jac: FloatArray, scatter_rows: FloatArray
+        self, place: FloatArray, rows: FloatArray, jac: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Rows of unit variance and their derivatives, Gaussian priors among them.
 
@@ -138,7 +138,6 @@ class Density:
             place: the parameters, (n,).
             rows: there, (m,).
             jac: their derivatives, (m, n).
-            scatter_rows: rows whose scatter those of unknown noise have, (m,).
         """
         known, noise = self.known, self.noise
         priors = [(i, q) for i, q in enumerate(self.parameters) if q.prior_sigma]
@@ -147,7 +146,7 @@ class Density:
         unit = np.eye(place.size)[[i for i, _ in priors]]
         scatter = 1.0
         if self.dof > 0.0:
-            squares = float(self.squares(scatter_rows[None])[0])
+            squares = float(self.squares(rows[None])[0])
             scatter = math.sqrt(squares / (self.dof * self.share))
         white = np.concatenate([noise.whitened(rows[known]), rows[~known] / scatter, off / sigmas])
         slopes = [noise.whitened(jac[known]), jac[~known] / scatter, unit / sigmas[:, None]]

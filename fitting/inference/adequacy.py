@@ -24,10 +24,10 @@ from scipy.special import gammaincc
 
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.fit import Status
-from fitting.fit.likelihood.descent import Optimum
+from fitting.fit.likelihood.optimum import Optimum
 from fitting.fit.solution import Solution
-from fitting.inference.likelihood.exploration import data_covariance
 from fitting.inference.likelihood.knowledge import Adequacy, Ending
+from fitting.inference.likelihood.profile import data_covariance
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.signal.chi_square import tail
 from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of, of_one_size

@@ -24,6 +24,5 @@ class Stage(StrEnum):
 
     MINIMA = "other minima"
     WALKS = "scans"
-    BEYOND = "beyond the bounds"
     DIRECTIONS = "what has no effect"
     REFITS = "refits of the bootstrap"

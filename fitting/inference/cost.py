@@ -26,19 +26,17 @@ SEARCH: Range = (1.0, 120.0)
 #: level that is minimised over the box.
 LEVEL: Range = (4.0, 50.0)
 GLOBAL: Range = (200.0, 1500.0)
-#: Jacobians of the search for other minima than the fit's; of the walks of a profile, both ways,
-#: and of what is looked for beyond the box, for each value; and of the search for what has no
-#: effect, for each parameter.
-MINIMA: Range = (14.0, 95.0)
-WALKS: Range = (4.0, 35.0)
-BEYOND: Range = (0.0, 20.0)
-DIRECTIONS: Range = (0.0, 18.0)
+#: Jacobians of the most likely point and other minima that fit; of the interval of each value,
+#: verified at least and scanned at most; and of what has no effect, for each parameter.
+MINIMA: Range = (0.5, 20.0)
+WALKS: Range = (0.1, 20.0)
+DIRECTIONS: Range = (0.0, 5.0)
 #: What a stage is at most expected to take yet, as a share of what it has taken beyond its most.
 OVERDUE = 0.25
 #: Jacobians of a refit of the bootstrap.
 REFIT: Range = (0.4, 4.0)
 #: Runs in which the range of a derived output over the box is looked for.
-OUTPUT_RANGE: Range = (400.0, 9000.0)
+OUTPUT_RANGE: Range = (200.0, 4500.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +109,6 @@ def expected(
     stages = {
         Stage.MINIMA: times(jacobian if profiles else 0.0, MINIMA),
         Stage.WALKS: times(profiled * jacobian, WALKS),
-        Stage.BEYOND: times(profiled * jacobian, BEYOND),
         Stage.DIRECTIONS: times(unknowns * jacobian if profiles else 0.0, DIRECTIONS),
     }
     search = added(DESCENT, SEARCH) if schedule.starts > 1 else DESCENT

@@ -1,7 +1,9 @@
 """What the data determine: from an objective and a solution to `Determined`.
 
-Most likely point, other minima, profiles of every parameter and derived output, directions that
-the data do not see, verdicts. Generic: it knows rows, parameters and outputs, no oscillator.
+Effort follows need. The most likely point comes first, from the end of the fit and the minima that
+its search found; where the model does not describe the data nothing is scanned. Else intervals come
+from the covariance where chi square confirms them, from scans of the profile where not, and nothing
+is looked for beyond the bounds. Generic: rows, parameters and outputs, no oscillator.
 """
 
 from __future__ import annotations
@@ -14,56 +16,45 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import canonical, outside_box, to_model
+from fitting.campaign.parameters import canonical, to_model
 from fitting.fit.fit import Status
-from fitting.fit.likelihood.descent import Optimum, let_out, most_likely
+from fitting.fit.likelihood.levenberg import Goal, expand, minimise
 from fitting.fit.likelihood.likelihood import (
     LikelihoodEvaluator,
     Spent,
     likelihood_of,
 )
-from fitting.fit.likelihood.lockstep import Exhausted, Request
+from fitting.fit.likelihood.optimum import Optimum, most_likely
+from fitting.fit.likelihood.samples import Exhausted, Request, Sample
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
-from fitting.fit.search.minima import DESCENTS, SCREENED, screened
-from fitting.fit.search.twins import Twin, find_twins, twins_but_for_priors
+from fitting.fit.outputs import output_means
+from fitting.fit.search.minima import SCREENED, screened
+from fitting.fit.search.twins import (
+    Twin,
+    find_twins,
+    sampling_twins,
+    twins_but_for_priors,
+)
 from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.adequacy import adequacy_of, ending_of, is_redundant
 from fitting.inference.budget import Stage, usual_budget
 from fitting.inference.equivalent_fits import sampling_findings
 from fitting.inference.likelihood import identifiability
 from fitting.inference.likelihood.bootstrap import bootstrap as bootstrap_of
-from fitting.inference.likelihood.exploration import (
-    OTHER_STARTS,
-    Exploration,
-    Extent,
-    cut_sides,
-    explore,
-    extended,
-    other_minima,
-)
-from fitting.inference.likelihood.identifiability import with_values_nearby
 from fitting.inference.likelihood.knowledge import (
     Adequacy,
     Determined,
     Effort,
     Equivalent,
     Knowledge,
+    Profile,
 )
-from fitting.inference.likelihood.outside import (
-    Model,
-    Surroundings,
-    beyond,
-    beyond_findings,
-    held_findings,
-    mirrored,
-    taken_in,
-    with_boxes,
-)
-from fitting.inference.likelihood.profiles import EXCLUDED, ProfilePoint
-from fitting.inference.likelihood.ranges import OutputRange, output_ranges
-from fitting.inference.verdicts import Basis
-from fitting.inference.verdicts import profiles as profiles_of
+from fitting.inference.likelihood.profile import Scans
+from fitting.inference.likelihood.ranges import output_ranges
+from fitting.inference.likelihood.scan import scanned
+from fitting.inference.statuses import Basis
+from fitting.inference.statuses import profiles as profiles_of
 from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
@@ -73,13 +64,13 @@ from fitting.text.notation import span
 
 _log = logging.getLogger(__name__)
 
-#: Decrease of chi square along a profile from which the search begins anew at the better point.
-BETTER = 1.0
-#: Share of the evaluations for other minima and for the ends of ranges.
-FOR_MINIMA = 0.25
-#: Share of those that are left for walks of a model that does not describe the data: to find a
-#: better point, and, once one was found, for a look around it.
-FOR_MISFIT, FOR_A_LOOK = 0.1, 0.02
+#: Decrease of chi square from which inference begins anew at the better point, and how often.
+BETTER, ANEW = 1.0, 3
+#: Screens of the bounds where no search was made before.
+SCREENS = 2
+#: Chi square above the least, in units of the 95 % threshold, up to which a minimum of the search,
+#: whose noise was estimated elsewhere, is gone on from.
+NEAR = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,34 +90,29 @@ class Limits:
 class InferenceOptions(Limits):
     """What is asked of the inference: units of outputs, seed, limits.
 
-    `others` are search vectors to begin at besides; `alternatives`
-    points of other models that fit as well; `twins` are the model's exact symmetries, looked for if
-    None. Without `data` the measurements are taken to be what the model says at the solution.
-    Synthetic data sets are fitted anew through `executor` if there is one. `only`
-    names the values that are profiled (all, if empty); other minima are looked for from `starts`
-    seeded points. `beyond`: whether fits beyond the box are looked for. `structure` is that of the
-    residuals of curves, by which their noise was taken wider. `closer` is another form of a line
-    that leaves far less of a sweep than the model, `scale_off` the factor by which the scale of
-    peaks may be off for the top of its sweep. `models` are the alternatives among which exact twins
-    beyond the box are looked for.
+    `others` are search vectors to begin at besides; `minima` those that a search of the bounds
+    found, None where none was made: then one is made here. `alternatives` are points of other
+    models that fit as well; `twins` the model's exact symmetries, looked for if None. Without
+    `data` the measurements are taken to be what the model gives at the solution. Synthetic data
+    sets are fitted anew through `executor` if there is one. `only` names the values that are
+    profiled (all, if empty). `structure` is that of the residuals of curves, by which their noise
+    was taken wider. `closer` is another form of a line that leaves far less of a sweep than the
+    model, `scale_off` the factor by which the scale of peaks may be off for the top of its sweep.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
     seed: int = 1
     others: Sequence[FloatArray] = ()
-    minima: Sequence[FloatArray] = ()
+    minima: Sequence[FloatArray] | None = None
     twins: Sequence[Twin] | None = None
     alternatives: tuple[Equivalent, ...] = ()
     data: bool = True
     executor: Executor | None = None
     only: tuple[str, ...] = ()
-    starts: int = OTHER_STARTS
     directions: bool = True
-    beyond: bool = True
     structure: Structure | None = None
     closer: Adequacy | None = None
     scale_off: float = math.nan
-    models: tuple[Model, ...] = ()
 
 
 def determine(
@@ -135,7 +121,7 @@ def determine(
     noise: RowNoise,
     options: InferenceOptions | None = None,
 ) -> Determined:
-    """Verdict, interval and profile for every parameter and derived output.
+    """Status, interval and profile for every parameter and derived output.
 
     Args:
         objective: response, parameters and data.
@@ -148,28 +134,22 @@ def determine(
         FmuFailure: the model failed at more points of the box than can be left out.
     """
     options = options or InferenceOptions()
-    parameters = objective.parameters
-    # the model's symmetries, and those of the data that priors break: other minima begin there
+    # symmetries of the model and of samples, and those that priors break: other minima begin there
     search = Evaluator(objective)
     exact = find_twins(search, options.seed) if options.twins is None else options.twins
-    twins = [*exact, *twins_but_for_priors(search, options.seed)]
-    boxes = output_ranges(objective.response, parameters, options.seed, [solution])
-    # the likelihood of the data, or of what the model gives at the solution
-    likelihood = likelihood_of(objective, noise.sigma, noise.common, tuple(boxes), noise.bounded)
-    if options.data:
-        likelihood = replace(likelihood, scatter=noise.scatter)
-    else:
-        [point] = evaluate_many(objective, [solution])
-        likelihood = replace(likelihood, shift=point.residuals)
-    limit = options.budget
-    if limit is None:
-        [point] = evaluate_many(likelihood.objective, [solution])
-        limit = usual_budget(point.runs)
-    evaluator = LikelihoodEvaluator(likelihood, limit, options.progress)
+    sampled = sampling_twins(objective.parameters, _rates_hz(objective))
+    twins = [*exact, *twins_but_for_priors(search, options.seed), *sampled]
+    evaluator = _evaluator(objective, solution, noise, options)
 
     evaluator.begin(Stage.MINIMA)
-    optimum = let_out(evaluator, most_likely(evaluator, [solution, *options.others]))
-    if evaluator.cuts and not optimum.converged and not _adequacy(optimum, options).describes:
+    optimum = most_likely(evaluator, [solution, *options.others])
+    optimum, minima = _lowest(evaluator, optimum, twins, options)
+    adequacy = _adequacy(optimum, options)
+    if not adequacy.describes and options.minima is not None and not options.minima:
+        # without a search nothing shows that it is the model, and not where the fit began
+        optimum, minima = _lowest(evaluator, optimum, twins, replace(options, minima=None))
+        adequacy = _adequacy(optimum, options)
+    if evaluator.cuts and not optimum.converged and not adequacy.describes:
         raise OutOfBudget(
             f"budget: found {evaluator.limit}, wanted more: it was spent before the best fit was "
             "found"
@@ -179,51 +159,190 @@ def determine(
         optimum.chi_square,
         optimum.degrees_of_freedom,
     )
-    found = _explored(evaluator, optimum, boxes, replace(options, twins=twins))
+    if not adequacy.describes:
+        return _determined(evaluator, optimum, adequacy, {}, (), options)
 
-    evaluator.begin(Stage.BEYOND)
-    outside = Surroundings()  # what fits beyond the bounds: exact twins, then what is come by
-    if options.beyond and cut_sides(found):
-        images = mirrored(found.optimum, options.models, options.seed)
-        around = beyond(evaluator, found)
-        outside = replace(around, found=(*images, *around.found))
-    # profiles continue from where fits beyond the bounds come into them
-    inside = taken_in(evaluator, found, outside.found)
-    begin = _better(found.optimum, inside)
-    if begin is not None and begin.delta < -BETTER:
-        found = _anew(evaluator, found, begin, boxes, options)
-    elif inside:
-        found = extended(evaluator, found, inside)
-
-    optimum = found.optimum
-    separate = identifiability.equivalents(found)
-    separate = with_values_nearby(evaluator, found, twins, separate)
-    equivalents = (*separate, *options.alternatives)
+    evaluator.begin(Stage.WALKS)
+    scans = _scanned(evaluator, optimum, minima, exact, options)
+    for _ in range(ANEW):
+        better = _better(scans)
+        if better is None:
+            break
+        # what was the most likely point remains a minimum that may fit
+        known = [*(options.minima or ()), optimum.expansion.x, *(m.x for m in minima)]
+        options = replace(options, minima=known)
+        evaluator.likelihood = optimum.likelihood.stated
+        optimum = most_likely(evaluator, [better])
+        optimum, minima = _lowest(evaluator, optimum, twins, options)
+        scans = _scanned(evaluator, optimum, minima, exact, options)
     adequacy = _adequacy(optimum, options)
-    basis = Basis(
-        equivalents=equivalents,
-        units=options.units,
-        boxes={name: (range_.low, range_.high) for name, range_ in boxes.items()},
-        withdrawn="" if adequacy.describes else adequacy.why_not,
-        redundant=is_redundant(optimum),
-    )
-    profiles = with_boxes(optimum.likelihood, outside, profiles_of(found, basis))
-    if options.only:  # what was not requested was not scanned: nothing is known of it
+    separate = identifiability.equivalents(scans)
+    separate = identifiability.with_values_nearby(evaluator, scans, twins, separate)
+    equivalents = (*separate, *options.alternatives)
+    basis = Basis(equivalents=equivalents, units=options.units, redundant=is_redundant(optimum))
+    profiles = profiles_of(scans, basis)
+    if options.only:  # an output without a value is not asked for either
         profiles = {name: p for name, p in profiles.items() if name in options.only}
+    return _determined(evaluator, optimum, adequacy, profiles, equivalents, options)
+
+
+def _rates_hz(objective: Objective) -> list[float]:
+    """Rates of the samples of all measurements that show frequencies up to multiples of them."""
+    return [rate for m in objective.data.measurements for rate in m.sampled_hz]
+
+
+def _evaluator(
+    objective: Objective, solution: FloatArray, noise: RowNoise, options: InferenceOptions
+) -> LikelihoodEvaluator:
+    """Of the likelihood of the data, or of what the model gives at the solution."""
+    names = tuple(output_means(objective.response, objective.parameters, [solution]))
+    likelihood = likelihood_of(objective, noise.sigma, noise.common, names, noise.bounded)
+    [point] = evaluate_many(objective, [solution])
+    if options.data:
+        likelihood = replace(likelihood, scatter=noise.scatter)
+    else:
+        likelihood = replace(likelihood, shift=point.residuals)
+    limit = usual_budget(point.runs) if options.budget is None else options.budget
+    return LikelihoodEvaluator(likelihood, limit, options.progress)
+
+
+def _adequacy(optimum: Optimum, options: InferenceOptions) -> Adequacy:
+    """Whether the model will do."""
+    return adequacy_of(optimum, options.structure, options.closer, options.scale_off)
+
+
+def _lowest(
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    twins: Sequence[Twin],
+    options: InferenceOptions,
+) -> tuple[Optimum, list[Sample]]:
+    """The most likely point, and other minima that fit; both of the search that was made.
+
+    Where none was made the bounds are searched once, unless the model describes assumed data.
+    """
+    known = options.minima
+    if known is None:
+        known = _searched(evaluator, options) if options.data else ()
+    for _ in range(ANEW):
+        parameters, x = optimum.likelihood.parameters, optimum.expansion.x
+        images = [image for twin in twins if (image := twin.of(parameters, x)) is not None]
+        minima = _let_down(evaluator, optimum, [*images, *known])
+        lower = next(iter(minima), None)
+        if lower is None or not float(lower.rows @ lower.rows) < optimum.least - BETTER:
+            lower = _with_every_output(evaluator, optimum, minima)
+        if lower is None:
+            break
+        evaluator.likelihood = optimum.likelihood.stated
+        known = [*known, x]
+        optimum = most_likely(evaluator, [lower.x])
+    return optimum, minima
+
+
+def _with_every_output(
+    evaluator: LikelihoodEvaluator, optimum: Optimum, minima: Sequence[Sample]
+) -> Sample | None:
+    """A minimum that is as likely and has a value of every output, where the optimum has not."""
+    if np.all(np.isfinite(optimum.expansion.sample.outputs)):
+        return None
+    alike = [m for m in minima if optimum.delta(float(m.rows @ m.rows)) < BETTER]
+    try:
+        [read] = evaluator([Request(tuple(m.x for m in alike), rows=False)]) if alike else [[]]
+    except Exhausted:
+        return None
+    pairs = zip(alike, read, strict=True)
+    return next((m for m, sample in pairs if np.all(np.isfinite(sample.outputs))), None)
+
+
+def _searched(evaluator: LikelihoodEvaluator, options: InferenceOptions) -> list[FloatArray]:
+    """Minima of a short search of the bounds, where none was made before."""
+    try:
+        begins = [
+            x
+            for screen in range(SCREENS)
+            for x in screened(evaluator, options.seed, skip=SCREENED * screen)
+        ]
+        begun = expand(evaluator, begins, outputs=False) if begins else []
+    except Exhausted:
+        return []
+    return [end.end.x for end in minimise(evaluator, begun)]
+
+
+def _let_down(
+    evaluator: LikelihoodEvaluator, optimum: Optimum, begins: Sequence[FloatArray]
+) -> list[Sample]:
+    """Points that fit, of some that a search found; from those that nearly do a search goes on."""
+    threshold = ROOT_95**2
+
+    def delta(sample: Sample) -> float:
+        square = float(sample.rows @ sample.rows)
+        return optimum.delta(square) if math.isfinite(square) else math.inf
+
+    try:
+        [samples] = evaluator([Request(tuple(begins), outputs=False)]) if begins else [[]]
+        fit = [sample for sample in samples if delta(sample) <= threshold]
+        near = [s.x for s in samples if threshold < delta(s) <= NEAR * threshold]
+        begun = expand(evaluator, near, outputs=False) if near else []
+    except Exhausted:
+        return []
+    goal = Goal(wanted=optimum.least + threshold)
+    fit += [end.end.sample for end in minimise(evaluator, begun, goal=goal)]
+    apart: list[Sample] = []
+    for sample in sorted(fit, key=delta):
+        gaps = [
+            identifiability.gap(optimum.likelihood, sample.x, place)
+            for place in (optimum.expansion.x, *(other.x for other in apart))
+        ]
+        is_other = all(np.any(gap > identifiability.SAME) for gap in gaps)
+        if delta(sample) <= threshold and (is_other or delta(sample) < -BETTER):
+            apart.append(sample)
+    return apart
+
+
+def _scanned(
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    minima: Sequence[Sample],
+    twins: Sequence[Twin],
+    options: InferenceOptions,
+) -> Scans:
+    """Intervals of all values that are wanted, about one optimum."""
+    likelihood = optimum.likelihood
+    ranges = output_ranges(
+        likelihood.objective.response, likelihood.parameters, options.seed, [optimum.expansion.x]
+    )
+    return scanned(evaluator, optimum, ranges, minima, options.only, twins)
+
+
+def _better(scans: Scans) -> FloatArray | None:
+    """A shared point that is clearly more likely than the optimum; None without one."""
+    lowest = min(scans.shared, key=lambda point: point.delta, default=None)
+    return lowest.x if lowest is not None and lowest.delta < -BETTER else None
+
+
+def _determined(
+    evaluator: LikelihoodEvaluator,
+    optimum: Optimum,
+    adequacy: Adequacy,
+    profiles: Mapping[str, Profile],
+    equivalents: tuple[Equivalent, ...],
+    options: InferenceOptions,
+) -> Determined:
+    """Values with their profiles, and what is found besides where the model describes the data."""
     values = {name: p.value for name, p in profiles.items()}
     for name, value in values.items():
         interval = span(*value.ci95, value.unit).replace("\u00a0", " ")
         _log.info("profile of %s: %s, %s", name, interval, value.status)
-
     evaluator.begin(Stage.DIRECTIONS)
-    directions = identifiability.directions(evaluator, optimum) if options.directions else ()
+    asked = options.directions and adequacy.describes
+    directions = identifiability.directions(evaluator, optimum) if asked else ()
     idle = identifiability.without_effect(evaluator, optimum, values)
     resampled = None
-    if options.bootstrap > 1:
+    if options.bootstrap > 1 and values:
         evaluator.begin(Stage.REFITS)
         drawn = (options.bootstrap, options.seed, options.executor)
         resampled = bootstrap_of(optimum, values, *drawn, options.progress)
-    rates = [rate for m in objective.data.measurements for rate in m.sampled_hz]
+    objective, parameters = optimum.likelihood.objective, optimum.likelihood.parameters
     here = canonical(parameters, to_model(parameters, optimum.expansion.x))
     knowledge = Knowledge(
         data=options.data,
@@ -245,9 +364,8 @@ def determine(
         parameters={n: v for n, v in values.items() if isinstance(v, ParameterEstimate)},
         derived={n: v for n, v in values.items() if isinstance(v, OutputEstimate)},
         findings=(
-            *sampling_findings(rates, values, equivalents),
-            *beyond_findings(optimum.likelihood, outside, profiles),
-            *held_findings(profiles),
+            *sampling_findings(_rates_hz(objective), values, equivalents),
+            *identifiability.bound_findings(profiles),
             *identifiability.incomplete_findings(profiles),
         ),
         knowledge=knowledge,
@@ -258,173 +376,4 @@ def determine(
             structure=options.structure,
             data=objective.data,
         ),
-    )
-
-
-def _explored(
-    evaluator: LikelihoodEvaluator,
-    optimum: Optimum,
-    boxes: Mapping[str, OutputRange],
-    options: InferenceOptions,
-) -> Exploration:
-    """Other minima, then profiles around the best; once more, should they come by a better one."""
-    with evaluator.within(FOR_MINIMA):
-        minima = other_minima(evaluator, optimum, _beginnings(evaluator, optimum, options))
-    begin = _better(optimum, minima)
-    if begin is not None:
-        optimum, minima = _moved(evaluator, optimum, begin, minima)
-    found = _explore(evaluator, optimum, minima, boxes, options)
-    begin = _better(optimum, found.points)
-    return found if begin is None else _anew(evaluator, found, begin, boxes, options)
-
-
-def _explore(
-    evaluator: LikelihoodEvaluator,
-    optimum: Optimum,
-    minima: Sequence[ProfilePoint],
-    boxes: Mapping[str, OutputRange],
-    options: InferenceOptions,
-    known: Sequence[ProfilePoint] | None = None,
-) -> Exploration:
-    """Profiles around a point; a look around it where the model does not describe the data.
-
-    No interval is told then: walks serve to find a better point, if the search of the box did not,
-    and to draw what is around it. `known` are points of an exploration before; without one, a
-    better point may end this one.
-    """
-    evaluator.begin(Stage.WALKS)
-    ranges = _ranges(optimum, boxes, options)
-    share = 1.0
-    if not _adequacy(optimum, options).describes:
-        share = FOR_MISFIT if known is None else FOR_A_LOOK
-    extent = Extent(options.only)
-    if known is None:
-        extent = replace(extent, until=lambda points: _better(optimum, points) is not None)
-    with evaluator.within(share):
-        return explore(evaluator, optimum, ranges, minima, extent, known or ())
-
-
-def _adequacy(optimum: Optimum, options: InferenceOptions) -> Adequacy:
-    """Whether the model will do."""
-    return adequacy_of(optimum, options.structure, options.closer, options.scale_off)
-
-
-def _anew(
-    evaluator: LikelihoodEvaluator,
-    found: Exploration,
-    begin: ProfilePoint,
-    boxes: Mapping[str, OutputRange],
-    options: InferenceOptions,
-) -> Exploration:
-    """Profiles around a better point than those that were explored around."""
-    optimum, minima = _moved(evaluator, found.optimum, begin, found.minima)
-    known = _counted(evaluator, optimum, found.near)
-    return _explore(evaluator, optimum, minima, boxes, options, known)
-
-
-def _beginnings(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, options: InferenceOptions
-) -> list[FloatArray]:
-    """Where other minima are looked for: twins of the optimum, and what a search found or finds."""
-    parameters, x = optimum.likelihood.parameters, optimum.expansion.x
-    twins = options.twins or ()
-    begins = [image for twin in twins if (image := twin.of(parameters, x)) is not None]
-    if options.minima:
-        return [*begins, *options.minima]
-    try:
-        for screens in range(math.ceil(options.starts / DESCENTS)):
-            begins += screened(evaluator, options.seed, skip=SCREENED * screens)
-    except Exhausted:
-        return begins
-    return begins[: len(twins) + options.starts]
-
-
-def _ranges(
-    optimum: Optimum, boxes: Mapping[str, OutputRange], options: InferenceOptions
-) -> dict[str, OutputRange]:
-    """Ranges of the outputs over the room that profiles have; extremes of the box count in it."""
-    likelihood, x = optimum.likelihood, optimum.expansion.x
-    goes_round = np.isfinite(likelihood.periods)
-    half = np.where(goes_round, 0.5 * likelihood.periods, 0.0)
-    room = (
-        np.where(goes_round, x - half, likelihood.lower),
-        np.where(goes_round, x + half, likelihood.upper),
-    )
-    extremes = [
-        np.where(box.depends, at, x) for box in boxes.values() for at in (box.x_low, box.x_high)
-    ]
-    inside = [
-        at
-        for at in extremes
-        if np.all(np.isfinite(at))
-        and np.all(goes_round | ((at >= likelihood.lower) & (at <= likelihood.upper)))
-    ]
-    return output_ranges(
-        likelihood.objective.response,
-        likelihood.parameters,
-        options.seed,
-        [x, *inside],
-        room,
-    )
-
-
-def _better(optimum: Optimum, points: Sequence[ProfilePoint]) -> ProfilePoint | None:
-    """A point that is clearly more likely, or as likely with a value for every output.
-
-    Where an output exists at the optimum it has to exist at the better point. The box may be
-    knowledge, as which of two twins it is: while noise as it is stated lets the optimum be in the
-    box, what lies outside is another value that fits, and not the most likely one.
-    """
-    exists = np.isfinite(optimum.expansion.sample.outputs)
-    possible = [s for s in points if s.outputs.size == 0 or np.all(np.isfinite(s.outputs[exists]))]
-    possible = [s for s in possible if _may_be_best(optimum, s)]
-    lowest = min(possible, key=lambda point: point.delta, default=None)
-    if lowest is not None and lowest.delta < -BETTER:
-        return lowest
-    if np.all(exists):
-        return None
-    whole = [s for s in possible if s.delta < BETTER and s.outputs.size == exists.size]
-    whole = [s for s in whole if np.all(np.isfinite(s.outputs))]
-    return min(whole, key=lambda point: point.delta, default=None)
-
-
-def _may_be_best(optimum: Optimum, point: ProfilePoint) -> bool:
-    """Whether a point is in the box, or the optimum is not, or the point excludes it for good."""
-    likelihood = optimum.likelihood
-    if not outside_box(likelihood.parameters, likelihood.folded(point.x)):
-        return True
-    if outside_box(likelihood.parameters, likelihood.folded(optimum.expansion.x)):
-        return True
-    return -point.delta * likelihood.inflation**2 > EXCLUDED
-
-
-def _moved(
-    evaluator: LikelihoodEvaluator,
-    optimum: Optimum,
-    begin: ProfilePoint,
-    minima: Sequence[ProfilePoint],
-) -> tuple[Optimum, tuple[ProfilePoint, ...]]:
-    """The optimum at a better point, and the other minima, their chi square counted from there.
-
-    What noise the residuals ask for is judged anew there.
-    """
-    evaluator.likelihood = optimum.likelihood.stated
-    moved = let_out(evaluator, most_likely(evaluator, [begin.x]))
-    here = optimum.expansion
-    left = ProfilePoint(value=math.nan, delta=0.0, x=here.x, outputs=here.sample.outputs)
-    counted = _counted(evaluator, moved, [*minima, left])
-    return moved, tuple(p for p in counted if p.delta <= ROOT_95**2)
-
-
-def _counted(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, points: Sequence[ProfilePoint]
-) -> tuple[ProfilePoint, ...]:
-    """Points, chi square counted from another optimum than before; none if that costs too much."""
-    try:
-        samples = evaluator([Request(tuple(p.x for p in points), outputs=False)])[0]
-    except Exhausted:
-        return ()
-    return tuple(
-        replace(p, delta=optimum.delta(float(s.rows @ s.rows)))
-        for p, s in zip(points, samples, strict=True)
     )

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import own_count, references, search_bounds, starts, to_search
-from fitting.fit.likelihood.descent import FEW_OWN, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood.optimum import FEW_OWN, most_likely
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.problem import Problem

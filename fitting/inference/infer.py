@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitting.campaign.parameters import outside_box, search_bounds, to_model, to_search
+from fitting.campaign.parameters import search_bounds, to_model, to_search
 from fitting.fit.fit import Fit, Status, fit_from
-from fitting.fit.likelihood.descent import let_out, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood.optimum import held_at, most_likely
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
-from fitting.fit.solution import Solution, curve_structure
+from fitting.fit.outputs import output_means
+from fitting.fit.solution import Solution
 from fitting.inference.adequacy import adequacy_of, ending_of, unseen
 from fitting.inference.checks.mistakes import without_outliers
 from fitting.inference.closer_form import closer_form
@@ -30,11 +30,10 @@ from fitting.inference.estimates import (
     parameter_results,
 )
 from fitting.inference.findings import findings_of, in_order
-from fitting.inference.inferred import Inferred, judged
+from fitting.inference.inferred import Inferred, judged, on_bounds
 from fitting.inference.joint import consistency, contradicted, contradictions, without_values
 from fitting.inference.likelihood.knowledge import Adequacy, Determined, Equivalent
 from fitting.inference.likelihood.nu_choice import choose_nu
-from fitting.inference.likelihood.outside import Model
 from fitting.inference.quadratures import Quadratures, quadratures_of
 from fitting.inference.solved import Solved
 from fitting.inference.sweep_line import values_of_line
@@ -43,7 +42,6 @@ from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 from fitting.text.estimate import FittedEstimate
 from fitting.text.finding import Finding, Kind
-from fitting.text.notation import settings_words
 from fitting.text.rendering import phrase
 
 
@@ -93,10 +91,10 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     request = request or InferenceRequest()
     fit, sweeps = _with_doubts(fit, request.sweeps)
     read = _read(fit, request, sweeps)
-    settled = _let_out(_settled(fit, read), read)
+    settled = _settled(fit, read)
     if settled is not fit:
         fit, sweeps = _with_doubts(settled, None)
-        read = _read(fit, request, sweeps)
+        read = _read(fit, request, sweeps, _separate(fit, read.determined))
     return _inferred(fit, sweeps, read.ended(fit), request)
 
 
@@ -130,15 +128,15 @@ def _inferred(
     elif fit.status is not Status.CONVERGED:
         why_not = phrase("status", "unconverged")
     describes = not why_not
-    residuals = _residuals_at(fit, best)
+    residuals = solution.final.residuals
     data = solution.objective.data
     units = {name: value.unit for name, value in (*parameters.items(), *derived.items())}
     apart = contradicted(joint, units) if is_best else {}
     if not is_best and data.unexplained(residuals):
         apart = dict.fromkeys(units, phrase("status", "undescribed"))
     profiled = {} if determined is None else determined.profiled
-    parameters = judged(parameters, profiled, apart, why_not)
-    derived = judged(derived, profiled, apart, why_not)
+    parameters = on_bounds(judged(parameters, profiled, apart, why_not), read.at_bounds)
+    derived = on_bounds(judged(derived, profiled, apart, why_not), read.at_bounds)
     offsets = judged(offset_results(solution, estimates), {}, {}, why_not)
     named: dict[str, FittedEstimate] = {**parameters, **derived, **offsets}
     ending = ending_of(
@@ -242,7 +240,8 @@ class _Reading:
     """The most likely parameters (n,), in their units, and what was found on the way.
 
     `determined` is None where no profiles were walked, `missing` says why; `adequacy` whether the
-    model will do, None where nobody asked; `inflation` that of the stated noise.
+    model will do, None where nobody asked; `inflation` that of the stated noise; `at_bounds` names
+    the parameters that the data would move beyond their bounds, where no profiles do.
     """
 
     best: FloatArray
@@ -250,6 +249,7 @@ class _Reading:
     inflation: float
     determined: Determined | None = None
     missing: tuple[Finding, ...] = ()
+    at_bounds: tuple[str, ...] = ()
 
     def ended(self, fit: Fit) -> _Reading:
         """The same of a fit that ended so: without convergence it gives no values.
@@ -273,14 +273,30 @@ class _Reading:
         return replace(self, adequacy=adequacy, determined=determined)
 
 
-def _read(fit: Fit, request: InferenceRequest, sweeps: SweepFindings) -> _Reading:
-    """What a fit is read as: by profiles, else at the most likely point alone."""
-    determined, missing = _determined(fit, request, sweeps)
+def _read(
+    fit: Fit,
+    request: InferenceRequest,
+    sweeps: SweepFindings,
+    known: Sequence[FloatArray] = (),
+) -> _Reading:
+    """What a fit is read as: by profiles, else at the most likely point alone.
+
+    `known` are search vectors of minima besides those of the fit's own search.
+    """
+    determined, missing = _determined(fit, request, sweeps, known)
     if determined is None:
         return replace(_best(fit, sweeps), missing=missing)
     knowledge = determined.knowledge
     best = np.array([knowledge.most_likely[p.name] for p in fit.solution.parameters])
     return _Reading(best, knowledge.adequacy, knowledge.inflation, determined, missing)
+
+
+def _separate(fit: Fit, determined: Determined | None) -> list[FloatArray]:
+    """Search vectors of the other minima that were found to fit."""
+    parameters = fit.solution.parameters
+    found = () if determined is None else determined.knowledge.equivalents
+    values = [other.parameters for other in found if other.origin == "start"]
+    return [to_search(parameters, np.array([v[p.name] for p in parameters])) for v in values]
 
 
 def _settled(fit: Fit, read: _Reading) -> Fit:
@@ -308,33 +324,8 @@ def _settled(fit: Fit, read: _Reading) -> Fit:
     return replace(anew, solution=solution.weighed(noise))
 
 
-def _let_out(fit: Fit, read: _Reading) -> Fit:
-    """The fit, its curves weighed by what they leave where the data want them beyond the box.
-
-    Residuals that are correlated because the box holds a value are no noise: errors that were wider
-    for them stood beside "describes the data", with the advice to look for a background.
-    """
-    solution = fit.solution
-    parameters, structure = solution.parameters, solution.structure
-    beyond = outside_box(parameters, to_search(parameters, read.best))
-    if structure is None or not structure.found or not beyond or read.adequacy is None:
-        return fit
-    evaluator = LikelihoodEvaluator(likelihood_with(solution.objective, solution.noise))
-    try:
-        optimum = let_out(evaluator, most_likely(evaluator, [solution.final.x]))
-        [point] = evaluate_many(solution.objective, [optimum.expansion.x])
-    except FmuFailure:
-        return fit
-    rows = optimum.expansion.matrix[: solution.noise.sigma.size]
-    matrix = optimum.likelihood.residuals(rows)
-    found = curve_structure(solution.objective, point, matrix, solution.noise)
-    if found is None or found.widening >= structure.widening:
-        return fit
-    return replace(fit, solution=solution.structured(found))
-
-
 def _determined(
-    fit: Fit, request: InferenceRequest, sweeps: SweepFindings
+    fit: Fit, request: InferenceRequest, sweeps: SweepFindings, known: Sequence[FloatArray]
 ) -> tuple[Determined | None, tuple[Finding, ...]]:
     """The profiles of some values; or none, and why."""
     if not request.profiles or fit.status is Status.INTERRUPTED:
@@ -343,13 +334,7 @@ def _determined(
     noise = noise_at(solution)
     # what one experiment holds has a table of its own
     everything = (*(p.name for p in solution.parameters if not p.experiments), *fit.problem.outputs)
-    every = zip(fit.objectives, fit.problem.alternatives, strict=True)
-    others = (
-        Model(objective, settings_words(settings))
-        for k, (objective, settings) in enumerate(every)
-        if k != fit.reported
-    )
-    search = fit.outcome.search
+    searched = () if fit.outcome.search is None else fit.outcome.search.minima
     try:
         options = InferenceOptions(
             units=request.units,
@@ -359,11 +344,10 @@ def _determined(
             bootstrap=request.bootstrap,
             structure=solution.structure,
             only=request.only or everything,
-            minima=[] if search is None else [minimum.x for minimum in search.minima],
+            minima=[*(minimum.x for minimum in searched), *known],
             twins=fit.outcome.twins,
             closer=unseen(solution) or closer_form(solution, sweeps.fits),
             scale_off=_scale_off(solution, sweeps),
-            models=tuple(others),
             progress=request.progress,
         )
         found = determine(solution.objective, solution.final.x, noise, options)
@@ -389,24 +373,26 @@ def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
         return stood
     evaluator = LikelihoodEvaluator(likelihood_with(solution.objective, noise_at(solution)))
     try:
-        optimum = let_out(evaluator, most_likely(evaluator, [solution.final.x]))
+        optimum = most_likely(evaluator, [solution.final.x])
     except (FmuFailure, KeyboardInterrupt):
         return stood
     closer = unseen(solution) or closer_form(solution, sweeps.fits)
     scale_off = _scale_off(solution, sweeps)
     adequacy = adequacy_of(optimum, solution.structure, closer, scale_off)
-    best = to_model(solution.parameters, optimum.expansion.x)
-    return _Reading(best, adequacy, optimum.likelihood.inflation)
+    best = to_model(solution.parameters, _with_every_output(fit, optimum.expansion.x))
+    held = held_at(optimum.likelihood, optimum.expansion, ())
+    names = tuple(solution.parameters[i].name for i in held)
+    return _Reading(best, adequacy, optimum.likelihood.inflation, at_bounds=names)
 
 
-def _residuals_at(fit: Fit, best: FloatArray) -> FloatArray:
-    """Residuals of all rows, (m,), at the most likely point where that is beyond the bounds."""
-    solution = fit.solution
-    x = to_search(solution.parameters, best)
-    if outside_box(solution.parameters, x):
-        with contextlib.suppress(FmuFailure):
-            return evaluate_many(solution.objective, [x])[0].residuals
-    return solution.final.residuals
+def _with_every_output(fit: Fit, x: FloatArray) -> FloatArray:
+    """The search vector, or an image of it by an exact symmetry at which every output exists."""
+    objective, parameters = fit.solution.objective, fit.solution.parameters
+    images = [image for twin in fit.outcome.twins if (image := twin.of(parameters, x)) is not None]
+    places = [x, *images]
+    means = output_means(objective.response, parameters, places)
+    table = np.array(list(means.values())).reshape(len(means), len(places))
+    return next((places[k] for k in np.flatnonzero(np.all(np.isfinite(table), axis=0))), x)
 
 
 def noise_at(solution: Solution) -> RowNoise:

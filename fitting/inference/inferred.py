@@ -11,7 +11,8 @@ from fitting.fit.fit import Status
 from fitting.inference.joint import JointResult
 from fitting.inference.likelihood.knowledge import Knowledge, Values
 from fitting.inference.quadratures import Quadratures
-from fitting.text.estimate import FittedEstimate
+from fitting.text.estimate import FittedEstimate, Verdict
+from fitting.text.rendering import phrase
 
 Fitted = TypeVar("Fitted", bound=FittedEstimate)
 
@@ -68,4 +69,23 @@ def judged(
                 active_bounds=known.active_bounds,
             )
         made[name] = value.withdrawn(why) if why else value
+    return made
+
+
+def on_bounds(values: Mapping[str, Fitted], held: tuple[str, ...]) -> dict[str, Fitted]:
+    """Linearised values at a most likely point that bounds hold: without errors.
+
+    The data would move on, and how far other values go along is not known without scans.
+
+    Args:
+        values: by name.
+        held: parameters that the data would move beyond their bounds.
+    """
+    made = dict(values)
+    for name, value in values.items():
+        if held and value.status is Verdict.LINEARISED:
+            reason = phrase("status", "on_bound", held)
+            made[name] = replace(
+                value, status=Verdict.UNKNOWN, std=math.nan, reason=reason, active_bounds=held
+            )
     return made

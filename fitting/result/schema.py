@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fitting.inference.likelihood.knowledge import CLOSED, STOPPED
 from fitting.text.estimate import OLD_STATUS, Verdict
 
 #: Version of the keys of `result.json`; schema 1 is that of 0.2.0.
@@ -14,6 +13,17 @@ SCHEMA = 2
 PROFILES = ("parameters", "derived", "findings")
 #: Keys under which texts were stored, and where.
 TEXTS, WITH_TEXTS = ("sentence", "sentences"), ("knowledge", "joint", "external", "quadratures")
+#: What closes a side, by how its scan ended in files written before 0.3; why it stopped before.
+CLOSED = {
+    "crossed": "data",
+    "prior": "prior",
+    "held": "bound",
+    "bound": "bound",
+    "round": "periodic",
+    "lost": "",
+    "cost": "",
+}
+STOPPED = {"lost": "search", "cost": "budget"}
 #: Numbers of a line in schema 1, by their names now; the key of the amplitude's unit is `unit`.
 OF_A_LINE = {
     "frequency": ("frequency_hz", "frequency_std_hz", "Hz"),

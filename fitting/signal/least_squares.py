@@ -76,7 +76,7 @@ def damped_step(
         return np.asarray(step, dtype=float)
     anchor = np.sqrt(damping) * np.eye(matrix.shape[1])
     target = np.concatenate([-rows, np.zeros(matrix.shape[1])])
-    return _step_in_box(np.concatenate([matrix, anchor]), target, *room)
+    return step_in_box(np.concatenate([matrix, anchor]), target, *room)
 
 
 def _step_of_many(
@@ -103,7 +103,7 @@ def _step_of_many(
         first, last = np.split(order, [step.size - int(np.sum(ends))])
         k = first.size
         turned = np.asarray(np.linalg.qr(np.column_stack([root[:, order], target]), mode="r"))
-        step[last] = _step_in_box(turned[k:, k:-1], turned[k:, -1], lower[last], upper[last])
+        step[last] = step_in_box(turned[k:, k:-1], turned[k:, -1], lower[last], upper[last])
         rest = turned[:k, -1] - turned[:k, k:-1] @ step[last]
         step[first] = solve_triangular(turned[:k, :k], rest)
     return np.asarray(step)
@@ -119,10 +119,17 @@ def _root(matrix: FloatArray, damping: float) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vstack([matrix, np.sqrt(damping) * np.eye(n)]), mode="r"))
 
 
-def _step_in_box(
+def step_in_box(
     matrix: FloatArray, target: FloatArray, lower: FloatArray, upper: FloatArray
 ) -> FloatArray:
-    """The step d (n,) in a box that minimises ``|matrix d - target|^2``."""
+    """The step d (n,) in a box that minimises ``|matrix d - target|^2``.
+
+    Args:
+        matrix: shape (m, n).
+        target: shape (m,).
+        lower: least step in every variable, shape (n,).
+        upper: greatest, shape (n,).
+    """
     # the solver wants room between its bounds
     room = upper - lower > 1e-14 * np.maximum(1.0, np.abs(lower) + np.abs(upper))
     step = np.clip(np.zeros_like(lower), lower, upper)

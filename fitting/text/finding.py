@@ -76,8 +76,6 @@ class Kind(StrEnum):
     level_not_minimised = "level_not_minimised"
     search_unexplained = "search_unexplained"
     sampling_ambiguity = "sampling_ambiguity"
-    fit_beyond_bounds = "fit_beyond_bounds"
-    bounds_unsearched = "bounds_unsearched"
     interval_at_bound = "interval_at_bound"
     # what values rest on
     assumption = "assumption"

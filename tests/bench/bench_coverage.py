@@ -65,12 +65,12 @@ class Laboratory:
 
 @dataclass(frozen=True)
 class Setting:
-    """A kind of laboratory: how one is made from a seed, and which values are asked for."""
+    """A kind of laboratory: how one is made from a seed, and whether its bounds are searched."""
 
     name: str
     words: str
     make: Callable[[int, Variables, Path], Laboratory]
-    starts: int = 0
+    is_searched: bool = False
 
 
 def width_of(modes: TwoModes, mode: int) -> float:
@@ -286,12 +286,14 @@ SETTINGS = (
     Setting("q1", "q1 series, linear drift", linear("q1")),
     Setting("q2", "q2 series, linear drift", linear("q2")),
     Setting("offsets", "q1 series, drift bent by 30 Hz, offsets fitted", offsets),
-    Setting("cross", "both modes at both series' pairs, 1 % noise", cross, starts=2),
+    Setting("cross", "both modes at both series' pairs, 1 % noise", cross, is_searched=True),
     Setting("phases", "q1 series with phases, bent drift, a restart, 1 % noise", phases),
     Setting("gain", "the same, gain unknown, no sweep", gain),
     Setting("sweep", "a fitted sweep, its stated place 15 Hz off, drift offsets", swept),
     Setting("stated", "a fitted sweep, 0.5 Hz declared of its place", swept_linear),
-    Setting("cross-phases", "both modes, both pairs, with phases, 1 %", cross_phases, starts=2),
+    Setting(
+        "cross-phases", "both modes, both pairs, with phases, 1 %", cross_phases, is_searched=True
+    ),
 )
 
 
@@ -308,7 +310,8 @@ def ask(
         p[k] = laboratory.start.get(parameter.name, p[k])
     x = to_search(bound.parameters, p)
     [point] = evaluate_many(objective, [x])
-    options = InferenceOptions(only=names, starts=setting.starts, budget=60000, directions=False)
+    minima = None if setting.is_searched else ()
+    options = InferenceOptions(only=names, minima=minima, budget=60000, directions=False)
     return determine(objective, x, noise_of(objective, point), options)
 
 

@@ -43,18 +43,6 @@ def test_a_point_of_the_cube_by_hand() -> None:
     assert to_model(ten.parameters, ten.from_cube(np.array([0.5])))[0] == pytest.approx(10**0.5)
 
 
-def test_one_edge_alone_is_gone_along() -> None:
-    box = Box(ALL)
-    p = np.array([2.0, 10.0, 5.0, 2.5, 0.7])
-    x = to_search(ALL, p)
-    for edge, wanted in ((0, 4.0), (1, 1000.0**0.75), (3, 1.0 + 0.75 * 3.0), (4, 0.75)):
-        moved = to_model(ALL, box.moved(x, edge, 0.75))
-        there = p.copy()
-        there[edge] = wanted
-        assert moved == pytest.approx(there)
-    assert box.open_ratios == [1]
-
-
 def test_distances_go_the_short_way_round_and_leave_priors_out() -> None:
     box = Box(ALL)
     p = np.array([4.0, 10.0, 5.0, 1.2, 0.1])

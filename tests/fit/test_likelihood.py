@@ -17,7 +17,7 @@ from fitting.fit.likelihood.likelihood import (
     LikelihoodEvaluator,
     likelihood_of,
 )
-from fitting.fit.likelihood.lockstep import Exhausted, Request
+from fitting.fit.likelihood.samples import Exhausted, Request
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective
 from fitting.text.arrays import FloatArray
@@ -90,17 +90,6 @@ def test_what_goes_round_comes_back_and_the_rest_is_cut() -> None:
         assert likelihood.folded(np.array([x, 9.0, -9.0])) == pytest.approx([wanted, 1.5, -0.75])
 
 
-def test_in_a_box_of_less_than_a_turn_it_comes_back_about_the_middle() -> None:
-    """Where profiles may go round: c in 0 to 1.5, of period 2, ends within -0.25 to 1.75."""
-    narrow = parameter("c", 0.0, 1.5, period=2.0)
-    likelihood = likelihood_of(
-        whitened(lambda p: np.zeros(4), narrow), np.ones(4), np.zeros((4, 0))
-    ).let_out(np.zeros(1), np.ones(1))
-    assert likelihood.periods.tolist() == [2.0]
-    for x, wanted in ((0.7, 0.7), (0.9, 0.9), (1.1, -0.9), (-0.9, -0.9), (-1.1, 0.9), (4.3, 0.3)):
-        assert likelihood.folded(np.array([x])) == pytest.approx([wanted])
-
-
 def test_what_a_model_declares_in_units_of_the_search() -> None:
     own = parameter("a", 1.0, 5.0, least=0.0, most=9.0, scale=0.5)
     likelihood = likelihood_of(whitened(lambda p: np.zeros(4), own), np.ones(4), np.zeros((4, 0)))
@@ -137,19 +126,6 @@ def test_runs_count_where_there_are_any() -> None:
     assert evaluator.runs == evaluator.spent == 3
     with pytest.raises(Exhausted):
         evaluator(requests(2))
-
-
-def test_a_share_of_what_is_left_lasts_as_long_as_its_context() -> None:
-    evaluator = LikelihoodEvaluator(free(straight(), 5), limit=10)
-    evaluator(requests(2))
-    with evaluator.within(0.5):
-        evaluator(requests(4))
-        with pytest.raises(Exhausted):
-            evaluator(requests(1))
-    evaluator(requests(4))
-    assert evaluator.evaluations == 10
-    with evaluator.within(0.5), pytest.raises(Exhausted):
-        evaluator(requests(1))
 
 
 def test_each_request_is_answered_with_what_it_asks_for() -> None:

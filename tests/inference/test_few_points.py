@@ -72,7 +72,7 @@ def swept(points: int, seed: int, *, known: bool = False) -> Objective:
 def profiled(objective: Objective, name: str) -> FittedEstimate:
     begin = to_search(objective.parameters, np.array([ETA_HZ, WIDTH_HZ]))
     [point] = evaluate_many(objective, [begin])
-    options = InferenceOptions(only=(name,), starts=0, twins=(), directions=False, beyond=False)
+    options = InferenceOptions(only=(name,), minima=(), twins=(), directions=False)
     return determine(objective, begin, noise_of(objective, point), options).profiled[name]
 
 

@@ -1,4 +1,4 @@
-"""A quality factor says of a sample what the width says: with the same word, walked once."""
+"""A quality factor is constrained as the width is: with the inverse ends, and the same status."""
 
 from __future__ import annotations
 
@@ -41,23 +41,17 @@ def test_the_interval_of_q_is_that_of_the_width(share: float) -> None:
     assert low == pytest.approx(ETA / (WIDTH + Z95 * STD), rel=2e-4)
     assert high == pytest.approx(ETA / (WIDTH - Z95 * STD), rel=2e-4)
     assert found.derived["q"].status is found.derived["w"].status is Verdict.DETERMINED
-    # walked once where Q moves by less than a hundredth of 2 %
-    products = np.outer(found.scans["q"].values, found.scans["w"].values) / ETA
-    twice = np.all(np.min(np.abs(products - 1.0), axis=1) < 1e-9)
-    assert bool(twice) is (share <= 1e-4)
 
 
-@pytest.mark.parametrize(("share", "twice"), [(0.05, True), (0.2, False)])
-def test_a_frequency_that_the_data_hold_moves_no_product(share: float, twice: bool) -> None:
-    """Over its box it goes by 5 %, and is known to 5e-6; one that goes by 20 % is walked."""
+@pytest.mark.parametrize("share", [0.05, 0.2])
+def test_a_frequency_that_the_data_hold_moves_no_quality_factor(share: float) -> None:
+    """Over its box it goes by 5 or 20 %, and is known to 1e-4 of that."""
 
     def measured(p: FloatArray) -> FloatArray:
         return np.array([(p[0] - WIDTH) / STD, p[1] / 1e-4, 0.5])
 
     found = drifting(share, measured)
     assert found.derived["q"].ci95[0] == pytest.approx(ETA / (WIDTH + Z95 * STD), rel=2e-4)
-    products = np.outer(found.scans["q"].values, found.scans["w"].values) / ETA
-    assert bool(np.all(np.min(np.abs(products - 1.0), axis=1) < 1e-9)) is twice
 
 
 @pytest.mark.parametrize("share", [1e-4, 2e-3])

@@ -12,19 +12,14 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fitting.campaign.parameters import to_model, to_search
-from fitting.fit.likelihood.descent import (
-    Constraint,
-    descend,
-    expansion_at,
-    inflation_of,
-    most_likely,
-)
+from fitting.fit.likelihood.levenberg import Constraint, Goal, expand, minimise
 from fitting.fit.likelihood.likelihood import (
     MOST_FAILURES,
     LikelihoodEvaluator,
     likelihood_of,
 )
-from fitting.fit.likelihood.lockstep import Exhausted, Request, run_in_lockstep
+from fitting.fit.likelihood.optimum import inflation_of, most_likely
+from fitting.fit.likelihood.samples import Exhausted, Request
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.measurements.measurement import Evaluation
 from fitting.text.errors import FmuFailure
@@ -113,23 +108,21 @@ def test_a_valley_is_left_where_it_was_entered() -> None:
     assert width == pytest.approx(94.1, abs=2.0)
 
 
-def test_a_pinned_descent_is_the_minimum_over_the_rest() -> None:
+def test_a_pinned_search_is_the_minimum_over_the_rest() -> None:
     """On a linear-Gaussian problem the rest follows along the regression line."""
     objective = single_line.line_objective()
     evaluator = evaluator_of(objective)
     optimum = most_likely(evaluator, [np.zeros(3)])
-    [here] = run_in_lockstep([expansion_at(optimum.likelihood, optimum.expansion.x)], evaluator)
-    assert here is not None
+    [here] = expand(evaluator, [optimum.expansion.x])
     bound = single_line.bounds_of(0.02, 3)
     w = objective.parameters[1]
     target = (single_line.WIDTH_HZ + 0.1 * bound["w"] - w.reference) / w.scale
-    [found] = run_in_lockstep(
-        [descend(optimum.likelihood, here, Constraint(target, index=1), 1e-10)], evaluator
-    )
-    assert found is not None
+    held = [Constraint(target=target, index=1)]
+    [found] = minimise(evaluator, [here], held, Goal(promise=1e-10))
+    assert found.reached
     # cov(A, w)/var(w) = -sigma^2.../...: with var w and I_Aw = A/(w) (pi/2), I_AA = pi
     slope = -0.5 * single_line.TOP / single_line.WIDTH_HZ
-    moved = to_model(objective.parameters, found.x)[2] - single_line.TOP
+    moved = to_model(objective.parameters, found.end.x)[2] - single_line.TOP
     assert moved == pytest.approx(slope * 0.1 * bound["w"], rel=0.03)
     assert found.chi_square - optimum.least == pytest.approx(0.01, rel=0.03)
 
@@ -148,8 +141,9 @@ def test_what_asks_for_too_much_is_told_and_ends() -> None:
     evaluator = evaluator_of(objective, limit=20)
     with pytest.raises(Exhausted):
         evaluator([Request(tuple(np.zeros(3) for _ in range(21)))])
-    searches = [expansion_at(evaluator.likelihood, np.zeros(3)) for _ in range(6)]
-    assert run_in_lockstep(searches, evaluator) == [None] * 6
+    with pytest.raises(Exhausted):
+        expand(evaluator, [np.zeros(3)] * 6)
+    assert evaluator.cuts == 2
 
 
 class Failing(closed_form.ClosedFormResponse):

@@ -22,7 +22,6 @@ from fitting.fit.problem import Problem
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Determined
-from fitting.inference.likelihood.profiles import ProfileBranch, ProfilePoint, Quantity, interval
 from fitting.measurements.measurement import Evaluation
 from fitting.signal.scale import Maximum
 from fitting.text.arrays import FloatArray
@@ -72,7 +71,7 @@ def laboratory(seed: int, shape: FloatArray, promised: float) -> Objective:
 def known(objective: Objective) -> Determined:
     begin = np.array([0.0, -0.2, 1.0])
     [point] = evaluate_many(objective, [begin])
-    options = InferenceOptions(directions=False, starts=2)
+    options = InferenceOptions(directions=False)
     return determine(objective, begin, noise_of(objective, point), options)
 
 
@@ -157,27 +156,42 @@ def test_a_bounded_error_adds_its_worst_to_what_noise_makes(profiles: bool) -> N
         assert said.numbers[name] == found.parameters[name].simulation
 
 
-def at(value: float, delta: float) -> ProfilePoint:
-    return ProfilePoint(value=value, delta=delta, x=np.array([value]), outputs=np.empty(0))
+@pytest.mark.parametrize("height", [0.0, 1.0, 3.0])
+def test_in_another_valley_the_worst_is_added_to_the_side_of_that_valley(height: float) -> None:
+    """Chi^2 is (k - 10)^2/s^2 and h + (k - 90)^2/s^2: s (1.96 + reach) where both are as low.
 
+    What the simulation may be off by moves k by s reach where chi^2 is straight; where h is left
+    of 3.84, in the ratio of both thresholds.
+    """
+    s, promised = 0.02, 4e-3
 
-def test_in_another_valley_the_worst_is_added_to_the_side_of_that_valley() -> None:
-    """Dchi^2 = (k/s)^2 and m + ((k - 10)/s)^2: s (1.96 + reach) where both are as low."""
-    s, reach = 1e-3, 0.5
-    for m in (0.0, 1.0, 3.0):
-        quantity = Quantity(
-            name="k", index=0, output=-1, best=0.0, sigma=s, low=-5.0, high=20.0, reach=reach
-        )
-        inside = [(0.5e-3, 0.25), (2e-3, 4.0), (10.0 - s, m + 1.0), (10.0, m)]
-        walked = [*inside, (10.0 + s, m + 1.0), (10.0 + 3.0 * s, m + 9.0)]
-        points = tuple(at(value, delta) for value, delta in walked)
-        there = 10.0 + s * math.sqrt(Z95**2 - m)
-        up = ProfileBranch(points=points, end="crossed", at_68=math.nan, at_95=there)
-        down = ProfileBranch(points=(at(-2e-3, 4.0),), end="crossed", at_68=-s, at_95=-Z95 * s)
-        low, high = interval(quantity, (down, up), (False, False))
-        assert low == pytest.approx(-s * (Z95 + reach), rel=1e-6)
-        along = s * reach * Z95 / math.sqrt(Z95**2 - m)  # by the slope of the root of Dchi^2
-        assert high - 10.0 == pytest.approx(there - 10.0 + along, rel=1e-6)
+    @dataclass(frozen=True)
+    class Promising(WhitenedResponse):
+        def evaluate_many(
+            self, ps: Sequence[FloatArray], *, whole: bool = False
+        ) -> list[Evaluation]:
+            found = super().evaluate_many(ps, whole=whole)
+            return [replace(each, promised=(promised,)) for each in found]
+
+    def rows(x: FloatArray) -> FloatArray:
+        k = float(x[0])
+        there = k > 50.0
+        row = (k - (90.0 if there else 10.0)) / s / math.sqrt(3.0)
+        return np.array([row, row, row, math.sqrt(height) if there else 0.0, 0.0])
+
+    plain = whitened(rows, parameter("k", 1.0, 100.0, start=10.0))
+    objective = replace(plain, response=Promising(rows))
+    begin = np.zeros(1)
+    [point] = evaluate_many(objective, [begin])
+    options = InferenceOptions(minima=[np.array([80.0])], twins=())
+    k = determine(objective, begin, noise_of(objective, point), options).parameters["k"]
+    # sum_i |G_i| e/sigma of three rows of slope 1/(s sqrt 3): G_i = s/sqrt 3
+    worst = math.sqrt(3.0) * s * promised / SIGMA
+    assert k.simulation == pytest.approx(worst, rel=0.01)
+    assert k.ci95[0] == pytest.approx(10.0 - s * Z95 - worst, abs=0.02 * s)
+    there = s * math.sqrt(Z95**2 - height)
+    assert k.ci95[1] >= 90.0 + there + worst * there / (s * Z95) - 0.02 * s
+    assert k.ci95[1] <= 90.0 + there + worst * s * Z95 / there + 0.02 * s
 
 
 def test_a_promise_far_below_the_noise_changes_nothing_and_is_not_told() -> None:

@@ -33,7 +33,7 @@ def learn(theta: float, seed: int) -> Determined:
         to_search(objective.parameters, np.array(truth)),
         RowNoise(measured.sigma, np.zeros((measured.sigma.size, 1))),
         InferenceOptions(
-            units={"lambda": "Hz"}, twins=find_twins(Evaluator(objective), seed=1), starts=0
+            units={"lambda": "Hz"}, twins=find_twins(Evaluator(objective), seed=1), minima=()
         ),
     )
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, to_search
+from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
 from fitting.inference.determine import InferenceOptions, determine
@@ -70,3 +71,22 @@ def learnt(objective: Objective, start: Sequence[float] = (), **options: Any) ->
     size = objective.data.sigma.size
     noise = RowNoise(np.full(size, SIGMA), np.zeros((size, 0)))
     return determine(objective, to_search(parameters, begin), noise, InferenceOptions(**options))
+
+
+def evaluator_of(objective: Objective) -> LikelihoodEvaluator:
+    """The likelihood of some rows by the noise that is theirs, with every output of the model."""
+    size = objective.data.sigma.size
+    names = tuple(objective.response.derived_many([np.zeros(len(objective.parameters))])[0])
+    own = likelihood_of(objective, np.full(size, SIGMA), np.zeros((size, 0)), names)
+    return LikelihoodEvaluator(own)
+
+
+def in_box(
+    rows: Callable[[FloatArray], FloatArray],
+    count: int,
+    half: float = 10.0,
+    **outputs: Any,
+) -> LikelihoodEvaluator:
+    """The likelihood of rows over parameters x0, x1, ... from -half to half, of scale one."""
+    own = (parameter(f"x{i}", -half, half) for i in range(count))
+    return evaluator_of(whitened(rows, *own, **outputs))

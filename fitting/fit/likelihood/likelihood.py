@@ -4,9 +4,8 @@
 
 r are the relative residuals, U columns of errors that all rows share (the scale chi), k the factor
 by which residuals beyond the noise widen it, tau_j the Gaussian prior of a parameter that has one.
-The Tikhonov term of Algorithm 2 is no knowledge and takes no part. The box of the campaign is
-where a fit is looked for; what the data say of a value is walked in a room of its own (`let_out`),
-so that no box decides it.
+The Tikhonov term of Algorithm 2 is no knowledge and takes no part. Nothing is looked for beyond the
+bounds of the campaign: intervals are conditional on them.
 """
 
 from __future__ import annotations
@@ -23,11 +22,9 @@ from fitting.campaign.parameters import (
     in_box,
     inverse_priors,
     search_bounds,
-    to_model,
-    to_search,
 )
 from fitting.fit.covariance import BoundedErrors, RowCovariance
-from fitting.fit.likelihood.lockstep import Exhausted, Request, Sample
+from fitting.fit.likelihood.samples import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, Point, evaluate_many
@@ -41,12 +38,6 @@ from fitting.text.errors import NoScale
 MOST_FAILURES = 12
 #: Relative rounding of a period.
 ROUNDING = 1e-9
-#: How far profiles go, beside the box: positive values by a factor each way from the most
-#: likely one, upward from its error where that is more (zero fits then, and its own size says
-#: nothing), others by so many widths of the box, those with a Gaussian prior by so many sigmas.
-FACTOR, WIDTHS, SIGMAS = 10.0, 3.0, 10.0
-#: The same of an angle whose box is no whole period, rad.
-QUARTER_TURN = 0.5 * np.pi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +47,7 @@ class Likelihood:
     `noise` is the covariance V of the rows as it is stated, `inflation` k; `inverse_prior_sigma`
     (n,) is 1/tau, zero without a prior; `shift` (m,) is subtracted from the residuals (a synthetic
     data set of the bootstrap), `prior_shift` (n,) from x in the rows of the priors. `lower`,
-    `upper` (n,) are hard limits: the box, or the room that profiles have. `periods` (n,) hold the
+    `upper` (n,) are the bounds. `periods` (n,) hold the
     period of a parameter that can go round between them, else infinity: such a parameter has no
     limits here. `names` of the outputs. `bounded` is what the simulation may be off by
     (`fitting.fit.noise`): it takes no part in chi square. `scatter` (m,) is above zero for rows
@@ -118,8 +109,6 @@ class Likelihood:
     def folded(self, x: FloatArray) -> FloatArray:
         """The same system inside the limits: parameters that go round brought back, the rest cut.
 
-        What goes round comes back into its box where that holds a period, else next to its middle.
-
         Args:
             x: search vector, shape (n,).
         """
@@ -129,9 +118,7 @@ class Likelihood:
         inside = np.array(x, dtype=float)
         out = np.isfinite(self.periods) & ((x < lower) | (x > upper))
         period = self.periods[out]
-        narrow = upper[out] - lower[out] < period * (1.0 - ROUNDING)
-        first = np.where(narrow, 0.5 * (lower[out] + upper[out] - period), lower[out])
-        inside[out] = first + np.mod(x[out] - first, period)
+        inside[out] = lower[out] + np.mod(x[out] - lower[out], period)
         return np.asarray(np.clip(inside, self.lower, self.upper))
 
     @cached_property
@@ -147,68 +134,6 @@ class Likelihood:
         least = np.array([p.least for p in self.parameters])
         most = np.array([p.most for p in self.parameters])
         return (least - reference) / scale, (most - reference) / scale
-
-    def let_out(self, x: FloatArray, errors: FloatArray) -> Likelihood:
-        """The same with the room of profiles about a point, which no box limits.
-
-        Values that cannot be negative may go by `FACTOR` each way, periodic ones all round, those
-        with a Gaussian prior as far as that lets them, the rest by `WIDTHS` of their box; all of
-        them through their box, and nothing beyond what the model declares.
-
-        Args:
-            x: search vector, shape (n,).
-            errors: linearised standard deviations there, in x, shape (n,).
-        """
-        places = zip(self.parameters, to_model(self.parameters, x), errors, strict=True)
-        rooms = [_room(p, float(value), float(p.scale * error)) for p, value, error in places]
-        lower = to_search(self.parameters, np.array([low for low, _ in rooms]))
-        upper = to_search(self.parameters, np.array([high for _, high in rooms]))
-        periods = np.array([p.period / p.scale if p.period else np.inf for p in self.parameters])
-        bound = np.isinf(periods)
-        return replace(
-            self,
-            lower=np.where(bound, lower, -np.inf),
-            upper=np.where(bound, upper, np.inf),
-            periods=periods,
-        )
-
-    def farther(self, held: Sequence[int], times: float) -> Likelihood:
-        """The same; some parameters may go beyond their limits, as far as the model goes.
-
-        Args:
-            held: indices of the parameters.
-            times: how many times as far: a factor on a value that cannot be negative.
-        """
-        chosen = [self.parameters[i] for i in held]
-        index = list(held)
-        low = to_model(chosen, self.lower[index])
-        high = to_model(chosen, self.upper[index])
-        positive = np.array([p.lower >= 0.0 for p in chosen])
-        more = (times - 1.0) * (high - low)
-        low = np.where(positive, low / times, low - more)
-        high = np.where(positive, high * times, high + more)
-        low = np.maximum(low, [p.least for p in chosen])
-        high = np.minimum(high, [p.most for p in chosen])
-        lower, upper = self.lower.copy(), self.upper.copy()
-        lower[index], upper[index] = to_search(chosen, low), to_search(chosen, high)
-        return replace(self, lower=lower, upper=upper)
-
-
-def _room(parameter: Parameter, at: float, error: float) -> tuple[float, float]:
-    """How far a profile may take a parameter from a value: through a box that is no prior."""
-    width = parameter.upper - parameter.lower
-    if parameter.prior_sigma is not None:
-        reach = SIGMAS * parameter.prior_sigma
-        low, high = parameter.reference - reach, parameter.reference + reach
-    elif parameter.is_angle:  # farther off it is the same angle again, whatever its period is
-        low, high = at - QUARTER_TURN, at + QUARTER_TURN
-    elif parameter.lower >= 0.0:
-        low, high = at / FACTOR, max(at, error) * FACTOR
-    else:
-        low, high = at - WIDTHS * width, at + WIDTHS * width
-    if parameter.prior_sigma is None:
-        low, high = min(low, parameter.lower), max(high, parameter.upper)
-    return min(max(low, parameter.least), at), max(min(high, parameter.most), at)
 
 
 def likelihood_of(
@@ -335,20 +260,6 @@ class LikelihoodEvaluator:
             ]
             for request in requests
         ]
-
-    @contextmanager
-    def within(self, share: float) -> Iterator[None]:
-        """No more than a share of what is left, for as long as the context lasts.
-
-        Args:
-            share: from 0 to 1.
-        """
-        limit = self.limit
-        self.limit = self.spent + int(share * max(0, limit - self.spent))
-        try:
-            yield
-        finally:
-            self.limit = limit
 
     @contextmanager
     def beyond_limit(self) -> Iterator[None]:

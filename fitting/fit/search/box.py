@@ -30,11 +30,6 @@ class Box:
         self._log: BoolArray = np.array([p.spans_decades for p in parameters], dtype=bool)
         self._round: BoolArray = np.array([_goes_round(p) for p in parameters], dtype=bool)
 
-    @property
-    def open_ratios(self) -> list[int]:
-        """Numbers of the parameters that are looked for over decades."""
-        return [int(k) for k in np.flatnonzero(self.free & self._log)]
-
     def spread(self, number: int, seed: int, skip: int = 0) -> list[FloatArray]:
         """Search vectors that fill the box evenly; a longer list goes on where a shorter ended.
 
@@ -67,20 +62,6 @@ class Box:
         with np.errstate(divide="ignore", invalid="ignore"):
             logarithmic = np.log(np.maximum(p, low) / low) / np.log(high / low)
         return np.asarray(np.where(self._log, logarithmic, (p - low) / (high - low)))
-
-    def moved(self, x: FloatArray, edge: int, place: float) -> FloatArray:
-        """A search vector taken along one edge, all else held, (n,).
-
-        Args:
-            x: search vector, shape (n,).
-            edge: number of the parameter that is moved.
-            place: where it is to stand in the cube, 0 to 1.
-        """
-        p = to_model(self.parameters, x)
-        p[edge] = _spread(self._ends[edge], place, self._log[edge])
-        moved = x.copy()
-        moved[edge] = to_search(self.parameters, p)[edge]
-        return np.asarray(np.clip(moved, self.lower, self.upper))
 
     def apart(self, x: FloatArray, y: FloatArray) -> float:
         """Largest distance of two search vectors along an edge of the cube, periods taken off.

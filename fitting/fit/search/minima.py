@@ -26,17 +26,11 @@ from functools import partial
 
 import numpy as np
 
-from fitting.fit.likelihood.descent import (
-    TOO_LARGE_P,
-    Descent,
-    expansion_at,
-    freedom_of,
-    inflation_of,
-    lower,
-)
 from fitting.fit.likelihood.few_places import of_few_places, own_gain
+from fitting.fit.likelihood.levenberg import Descent, expand, minimise
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.lockstep import Request, Task, run_in_lockstep
+from fitting.fit.likelihood.optimum import TOO_LARGE_P, freedom_of, inflation_of
+from fitting.fit.likelihood.samples import Request
 from fitting.fit.search.box import Box
 from fitting.fit.search.evolution import evolved, merit
 from fitting.fit.search.scans import scanned
@@ -92,8 +86,7 @@ class Search:
 
     `screened` points in `screens` rounds of all kinds, `descents` from the best of them;
     `explained` whether noise explains the least chi square; `mirrored` where all of it was taken
-    over from an alternative that this one mirrors, `lowered` then where J was lowered to in that
-    one, with where it had begun.
+    over from an alternative that this one mirrors.
     """
 
     minima: tuple[Minimum, ...]
@@ -104,7 +97,6 @@ class Search:
     evaluations: int
     runs: int
     mirrored: bool = False
-    lowered: tuple[tuple[FloatArray, FloatArray], ...] = ()
 
     def apart_by_height(self) -> tuple[list[Minimum], list[Minimum]]:
         """Minima as low as the lowest, and the higher ones."""
@@ -285,19 +277,10 @@ def _let_down(
     evaluator: LikelihoodEvaluator, begins: Sequence[FloatArray]
 ) -> list[tuple[FloatArray, Descent]]:
     """Descents side by side: where each began and ended; without those where the model failed."""
-
-    def descent(x: FloatArray) -> Task[Descent]:
-        here = yield from expansion_at(evaluator.likelihood, x, outputs=False)
-        if not math.isfinite(here.chi_square):
-            return Descent(here, reached=False)
-        return (yield from lower(evaluator.likelihood, here))
-
-    ends = run_in_lockstep([descent(x) for x in begins], evaluator)
-    return [
-        (x, end)
-        for x, end in zip(begins, ends, strict=True)
-        if end is not None and math.isfinite(end.chi_square)
-    ]
+    if not begins:
+        return []
+    ends = minimise(evaluator, expand(evaluator, begins, outputs=False))
+    return [(x, end) for x, end in zip(begins, ends, strict=True) if math.isfinite(end.chi_square)]
 
 
 def screened(

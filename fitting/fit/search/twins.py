@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,12 +52,6 @@ class Twin:
     order: IntArray
     signs: FloatArray
     shifts: FloatArray
-
-    @property
-    def is_turn(self) -> bool:
-        """Whether it moves angles by half turns and nothing else."""
-        turns = self.shifts / math.pi
-        return _keeps(self) and bool(np.all(np.abs(turns - np.round(turns)) < SAME))
 
     def leaves(self, index: IntArray) -> bool:
         """Whether it leaves these parameters as they are.
@@ -112,6 +106,23 @@ def find_twins(evaluator: Evaluator, seed: int, other: Objective | None = None) 
         found = []
     evaluator.counts += target.counts
     return found
+
+
+def sampling_twins(parameters: Sequence[Parameter], rates_hz: Iterable[float]) -> list[Twin]:
+    """What a record of samples does not tell apart: a frequency, and once or twice the rate beside.
+
+    Args:
+        parameters: the fitted parameters.
+        rates_hz: of the samples.
+    """
+    count = len(parameters)
+    return [
+        Twin(np.arange(count), np.ones(count), turns * rate * np.eye(count)[i])
+        for rate in dict.fromkeys(rates_hz)
+        for i, parameter in enumerate(parameters)
+        if parameter.unit == "Hz" and parameter.is_searched
+        for turns in (-2, -1, 1, 2)
+    ]
 
 
 def twins_but_for_priors(evaluator: Evaluator, seed: int) -> list[Twin]:

@@ -33,8 +33,8 @@ import numpy as np
 from fitting.campaign.bound import Assumption
 from fitting.campaign.laws import in_base
 from fitting.campaign.parameters import prior_sigmas, to_model, to_search
-from fitting.fit.likelihood.descent import most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood.optimum import most_likely
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
@@ -306,11 +306,15 @@ def _followed(solution: Solution, other: Objective) -> _Moved | None:
 
 
 def _fitted(solution: Solution, objective: Objective, x: FloatArray) -> _Moved:
-    """Where a fit ends from a place, perhaps beyond the bounds of the campaign."""
-    evaluator = LikelihoodEvaluator(likelihood_with(objective, solution.noise))
-    errors = np.sqrt(np.diag(solution.errors.covariance))
-    evaluator.likelihood = evaluator.likelihood.let_out(x, errors)
-    optimum = most_likely(evaluator, [x])
+    """Where a fit ends from a place, which may lie beyond the bounds: so may the fit."""
+    likelihood = likelihood_with(objective, solution.noise)
+    low, high = x - likelihood.widths, x + likelihood.widths
+    likelihood = replace(
+        likelihood,
+        lower=np.minimum(likelihood.lower, low),
+        upper=np.maximum(likelihood.upper, high),
+    )
+    optimum = most_likely(LikelihoodEvaluator(likelihood), [x])
     likelihood = optimum.likelihood
     rows = likelihood.inflation * optimum.expansion.sample.rows[: likelihood.data_rows]
     before = solution.noise.covariance.whitened(solution.final.residuals)

@@ -16,8 +16,8 @@ import numpy as np
 
 from fitting.campaign.parameters import inverse_priors, prior_sigmas
 from fitting.fit.fit import Fit
-from fitting.fit.likelihood.descent import most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of, likelihood_with
+from fitting.fit.likelihood.optimum import most_likely
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.objective import Objective
 from fitting.fit.solution import Solution

@@ -16,9 +16,10 @@ from concurrent.futures import Executor
 import numpy as np
 
 from fitting.campaign.parameters import to_model
-from fitting.fit.likelihood.descent import Expansion, Optimum, descend, expansion_at
+from fitting.fit.likelihood.levenberg import Expansion, minimise
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, Spent
-from fitting.fit.likelihood.lockstep import Exhausted, Sample, Task, run_in_lockstep
+from fitting.fit.likelihood.optimum import Optimum
+from fitting.fit.likelihood.samples import Request, Sample
 from fitting.inference.budget import Stage
 from fitting.inference.likelihood.knowledge import Bootstrap
 from fitting.text.arrays import FloatArray
@@ -76,35 +77,15 @@ def _refits(
     """(x, outputs) of a refit per row of whitened noise; None where none was reached."""
     evaluator = LikelihoodEvaluator(likelihood, progress=progress)
     evaluator.begin(Stage.REFITS)
-    tasks = [_refit(likelihood, expansion, expansion.sample.rows + row) for row in noise]
-    return run_in_lockstep(tasks, evaluator)
-
-
-def _refit(
-    likelihood: Likelihood, expansion: Expansion, offset: FloatArray
-) -> Task[tuple[FloatArray, FloatArray] | None]:
-    """The most likely point of data whose rows are those of the model less an offset."""
-    begin = Expansion(_less(expansion.sample, offset), expansion.matrix, expansion.outward)
-    try:
-        found = yield from _displaced(descend(likelihood, begin), offset)
-        if found is None:
-            return None
-        whole = yield from expansion_at(likelihood, found.x)
-    except Exhausted:
-        return None
-    return whole.x, whole.sample.outputs
-
-
-def _displaced(task: Task[Expansion | None], offset: FloatArray) -> Task[Expansion | None]:
-    """A search among rows that are less by an offset than those that are evaluated."""
-    try:
-        request = next(task)
-        while True:
-            answer = yield request
-            request = task.send([_less(sample, offset) for sample in answer])
-    except StopIteration as ended:  # at once, where the search is there already
-        result: Expansion | None = ended.value
-        return result
+    offsets = expansion.sample.rows + noise
+    begins = [
+        Expansion(_less(expansion.sample, offset), expansion.matrix, expansion.outward)
+        for offset in offsets
+    ]
+    ends = minimise(evaluator, begins, offsets=list(offsets))
+    reached = tuple(end.end.x for end in ends if end.reached)
+    outputs = iter(evaluator([Request(reached, rows=False)])[0] if reached else ())
+    return [(end.end.x, next(outputs).outputs) if end.reached else None for end in ends]
 
 
 def _less(sample: Sample, offset: FloatArray) -> Sample:

@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
-from fitting.fit.likelihood.descent import Optimum, descend, expansion_at
+from fitting.fit.likelihood.levenberg import Expansion, Goal, minimise
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.lockstep import Exhausted, Request, Task, run_in_lockstep
+from fitting.fit.likelihood.optimum import Optimum
+from fitting.fit.likelihood.samples import Exhausted, Request
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import SAME as SAME_MINIMUM
 from fitting.fit.search.twins import Twin
-from fitting.inference.likelihood.exploration import Exploration, data_covariance
 from fitting.inference.likelihood.knowledge import STOPPED, Direction, Equivalent, Profile
+from fitting.inference.likelihood.profile import Scans
 from fitting.text.arrays import FloatArray
-from fitting.text.error_bars import ROOT_95
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, note
 
@@ -30,8 +30,9 @@ from fitting.text.finding import Finding, Kind, note
 UNSEEN = 1.0
 #: Largest move of any row, in sigma, that is still called no change; for idle parameters likewise.
 NO_CHANGE, IDLE = 0.01, 0.1
-#: Shares of the box that are tried as a change, the largest first.
-SHARES = (0.05, 0.01, 0.002)
+#: Shares of the box that are tried as a change, the largest first; chi square to which it is
+#: brought back onto the rows.
+SHARES, RETURNED = (0.05, 0.01), 1e-6
 #: Share of the box that is no change.
 TRIFLE = 1e-6
 #: Statuses that no further scan would change.
@@ -63,10 +64,7 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
         for v, row in zip(values, led, strict=True)
     ]
     open_ = [k for k, share in enumerate(shares) if 0.5 * share < UNSEEN]
-    exact = _met_exactly(optimum)
-    with evaluator.of(exact):
-        changes = run_in_lockstep([_unseen(optimum, exact, led[k]) for k in open_], evaluator)
-    tried = dict(zip(open_, changes, strict=True))
+    tried = _unseen(evaluator, optimum, {k: led[k] for k in open_})
     found = []
     for k, row in enumerate(led):
         change = tried.get(k)
@@ -100,54 +98,61 @@ def _met_exactly(optimum: Optimum) -> Likelihood:
     )
 
 
-def _unseen(optimum: Optimum, exact: Likelihood, row: FloatArray) -> Task[_Change | None]:
-    """A change along an unseen direction that moves nothing, or least of those that were tried."""
-    best = None
-    try:
+def _unseen(
+    evaluator: LikelihoodEvaluator, optimum: Optimum, rows: Mapping[int, FloatArray]
+) -> dict[int, _Change]:
+    """A change along each unseen direction that moves nothing, or least of those that were tried.
+
+    Each is followed by shares of the box, brought back onto the rows, rounded, and evaluated.
+    """
+    exact, here = _met_exactly(optimum), optimum.expansion
+    begins: list[tuple[int, FloatArray]] = []
+    for k, row in rows.items():
+        lead = int(np.argmax(np.abs(row) / exact.widths))
         for size in SHARES:
             for sign in (1.0, -1.0):
-                found = yield from _tried(optimum, exact, row, sign * size)
-                if found is None:
-                    continue
-                if found.largest <= NO_CHANGE:
-                    return found
-                if best is None or found.largest < best.largest:
-                    best = found
+                x = here.x + sign * size * exact.widths[lead] / abs(row[lead]) * row
+                if np.all(x >= exact.lower) and np.all(x <= exact.upper):
+                    begins.append((k, x))
+    best: dict[int, _Change] = {}
+    if not begins:
+        return best
+    try:
+        with evaluator.of(exact):
+            [samples] = evaluator([Request(tuple(x for _, x in begins), outputs=False)])
+            begun = [Expansion(sample, here.matrix, here.outward, age=1) for sample in samples]
+            goal = Goal(promise=RETURNED, confirmed=False)
+            ends = minimise(evaluator, begun, goal=goal)
+            changes = [
+                (k, change)
+                for (k, _), end in zip(begins, ends, strict=True)
+                if end.reached
+                for change in _changes(optimum, end.end.x)
+            ]
+            if not changes:
+                return best
+            p = to_model(exact.parameters, here.x)
+            places = tuple(to_search(exact.parameters, p + change) for _, change in changes)
+            [samples] = evaluator([Request(places, outputs=False)])
     except Exhausted:
-        pass
+        return best
+    # the largest step first: one that moves nothing stands
+    for (k, change), sample in zip(changes, samples, strict=True):
+        largest = _largest_move(exact, sample.rows)
+        known = best.get(k)
+        if known is None or known.largest > max(NO_CHANGE, largest):
+            best[k] = _Change(change, largest)
     return best
 
 
-def _tried(
-    optimum: Optimum, exact: Likelihood, row: FloatArray, size: float
-) -> Task[_Change | None]:
-    """The direction followed by a share of the box, back onto the rows, rounded, and evaluated."""
-    x, widths = optimum.expansion.x, exact.widths
-    lead = int(np.argmax(np.abs(row) / widths))
-    there = x + size * widths[lead] / abs(row[lead]) * row
-    if np.any(there < exact.lower) or np.any(there > exact.upper):
-        return None
-    begun = yield from expansion_at(exact, there, False)
-    valley = yield from descend(exact, begun, promise=1e-6)
-    if valley is None:
-        return None
-    p = to_model(exact.parameters, x)
-    by = to_model(exact.parameters, valley.x) - p
-    by[np.abs(valley.x - x) < TRIFLE * widths] = 0.0
-    if not np.any(by):  # back where it began
-        return None
-    for digits in (2, 3, 4):
-        shown = np.array([_rounded(v, digits) for v in by])
-        rows = yield from _rows_at(to_search(exact.parameters, p + shown))
-        largest = _largest_move(exact, rows)
-        if largest <= NO_CHANGE:
-            break
-    return _Change(shown, largest)
-
-
-def _rows_at(x: FloatArray) -> Task[FloatArray]:
-    [sample] = yield Request((x,), outputs=False)
-    return sample.rows
+def _changes(optimum: Optimum, there: FloatArray) -> list[FloatArray]:
+    """A change of parameters, in their units, with few digits and with more; none back at home."""
+    likelihood, x = optimum.likelihood, optimum.expansion.x
+    by = to_model(likelihood.parameters, there) - to_model(likelihood.parameters, x)
+    by[np.abs(there - x) < TRIFLE * likelihood.widths] = 0.0
+    if not np.any(by):
+        return []
+    return [np.array([_rounded(v, digits) for v in by]) for digits in (2, 3, 4)]
 
 
 def _largest_move(exact: Likelihood, rows: FloatArray) -> float:
@@ -197,23 +202,23 @@ def without_effect(
     return tuple(idle)
 
 
-def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
+def equivalents(scans: Scans) -> tuple[Equivalent, ...]:
     """Separate minima that fit as well: outside what the profiles of the optimum go through.
 
     Args:
-        explored: minima from other starts, branches of the profiles.
+        scans: minima, and both sides of the profiles.
     """
-    optimum = explored.optimum
+    optimum = scans.optimum
     likelihood = optimum.likelihood
     parameters = likelihood.parameters
-    open_ = np.array([_is_open(explored, p.name) for p in parameters])
+    open_ = np.array([_is_open(scans, p.name) for p in parameters])
     kept: list[Equivalent] = []
     places = [optimum.expansion.x]
-    for point in sorted(explored.minima, key=lambda each: each.delta):
-        gaps = [_gap(likelihood, point.x, other) for other in places]
-        if any(not np.any((gap > SAME) & ~open_) for gap in gaps):
+    for point in sorted(scans.minima, key=lambda each: each.delta):
+        gaps = [gap(likelihood, point.x, other) for other in places]
+        if any(not np.any((each > SAME) & ~open_) for each in gaps):
             continue
-        if not _beyond(explored, point.x):
+        if not _beyond(scans, point.x):
             continue
         places.append(point.x)
         shown = canonical(parameters, to_model(parameters, point.x))
@@ -231,16 +236,21 @@ def equivalents(explored: Exploration) -> tuple[Equivalent, ...]:
     return tuple(kept)
 
 
-def _is_open(explored: Exploration, name: str) -> bool:
+def _is_open(scans: Scans, name: str) -> bool:
     """Whether a parameter is free from end to end: then its value tells no two minima apart."""
-    if name not in explored.around:
+    if name not in scans.sides:
         return True  # nobody asked how far it can go
-    ends = zip(explored.around[name], explored.range_ends[name], strict=True)
-    return all(point is not None or branch.end != "crossed" for branch, point in ends)
+    return all(side.closed != "data" for side in scans.sides[name])
 
 
-def _gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArray:
-    """Distance of two points along every axis as a share of the box, periods taken off."""
+def gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArray:
+    """Distance of two points along every axis as a share of the box, periods taken off, (n,).
+
+    Args:
+        likelihood: with the bounds.
+        one: search vector, (n,).
+        other: another, (n,).
+    """
     apart = np.abs(one - other)
     turned = np.isfinite(likelihood.periods)
     period = likelihood.periods[turned]
@@ -249,23 +259,36 @@ def _gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArr
     return np.asarray(apart / likelihood.widths)
 
 
-def _beyond(explored: Exploration, x: FloatArray) -> bool:
+def _beyond(scans: Scans, x: FloatArray) -> bool:
     """Whether a point lies outside the interval of some parameter."""
-    likelihood = explored.optimum.likelihood
-    for i, parameter in enumerate(likelihood.parameters):
-        if _is_open(explored, parameter.name):
+    likelihood = scans.optimum.likelihood
+    for quantity in scans.quantities:
+        if quantity.index < 0 or _is_open(scans, quantity.name):
             continue
-        down, up = explored.around[parameter.name]
-        quantity = next(q for q in explored.quantities if q.name == parameter.name)
-        low = quantity.low if math.isnan(down.at_95) else down.at_95
-        high = quantity.high if math.isnan(up.at_95) else up.at_95
-        period, at = float(likelihood.periods[i]), float(x[i])
+        down, up = scans.sides[quantity.name]
+        low = quantity.low if math.isnan(down.own95) else down.own95
+        high = quantity.high if math.isnan(up.own95) else up.own95
+        period, at = float(likelihood.periods[quantity.index]), float(x[quantity.index])
         if math.isfinite(period):  # the image next to the optimum
             at -= period * round((at - quantity.best) / period)
         slack = SAME * (high - low)
         if not low - slack <= at <= high + slack:
             return True
     return False
+
+
+def bound_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
+    """Intervals that end where other parameters are at their bounds.
+
+    Args:
+        profiles: by name of the value.
+    """
+    by_bounds: dict[tuple[str, ...], list[str]] = {}
+    for name, profile in profiles.items():
+        if profile.scan.held:
+            by_bounds.setdefault(profile.scan.held, []).append(name)
+    for held, names in by_bounds.items():
+        yield note(Kind.interval_at_bound, ", ".join(names), {"values": tuple(names), "held": held})
 
 
 def incomplete_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
@@ -286,7 +309,7 @@ def incomplete_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
 
 def with_values_nearby(
     evaluator: LikelihoodEvaluator,
-    explored: Exploration,
+    scans: Scans,
     twins: Sequence[Twin],
     equivalents: Sequence[Equivalent],
 ) -> tuple[Equivalent, ...]:
@@ -294,38 +317,32 @@ def with_values_nearby(
 
     Args:
         evaluator: of the likelihood.
-        explored: profiles of the optimum.
+        scans: profiles of the optimum.
         twins: exact symmetries of the model.
         equivalents: separate minima of this model.
     """
-    parameters, optimum = explored.optimum.likelihood.parameters, explored.optimum
-    box, near = Box(parameters), _fitting(explored)
+    parameters, optimum = scans.optimum.likelihood.parameters, scans.optimum
+    box = Box(parameters)
     made = []
     for other in equivalents:
         place = to_search(parameters, np.array([other.parameters[p.name] for p in parameters]))
         mine = [
             twin
             for twin in twins
-            if (image := twin.of(parameters, optimum.expansion.x)) is not None
+            if not other.possible
+            and (image := twin.of(parameters, optimum.expansion.x)) is not None
             and box.apart(image, place) <= SAME_MINIMUM
         ]
-        possible = other.possible or any(_has_values(evaluator, twin, near) for twin in mine)
+        possible = other.possible or any(_has_values(evaluator, twin, scans) for twin in mine)
         made.append(replace(other, possible=possible))
     return tuple(made)
 
 
-def _fitting(explored: Exploration) -> list[FloatArray]:
-    """Search vectors that fit as well: on profiles, and at the ends of the linearised ellipsoid."""
-    x = explored.optimum.expansion.x
-    points = [point.x for point in explored.points if point.delta <= ROOT_95**2]
-    variances, axes = np.linalg.eigh(data_covariance(explored.optimum))
-    reach = ROOT_95 * np.sqrt(np.maximum(variances, 0.0)) * axes
-    return points + [x + sign * step for step in reach.T for sign in (-1.0, 1.0)]
-
-
-def _has_values(evaluator: LikelihoodEvaluator, twin: Twin, near: Sequence[FloatArray]) -> bool:
-    """Whether every output exists at the image of some point."""
+def _has_values(evaluator: LikelihoodEvaluator, twin: Twin, scans: Scans) -> bool:
+    """Whether every output exists at the image of some point that fits."""
     parameters = evaluator.likelihood.parameters
+    near = [scans.optimum.expansion.x, *(point.x for point in scans.shared)]
+    near += [point.x for sides in scans.sides.values() for side in sides for point in side.points]
     images = tuple(image for x in near if (image := twin.of(parameters, x)) is not None)
     if not images:
         return False

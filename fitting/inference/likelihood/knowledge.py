@@ -14,7 +14,6 @@ from fitting.signal.misfit import CORRELATED
 from fitting.signal.residual_tests import NOTABLE, Structure
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import (
-    Closed,
     Estimate,
     FittedEstimate,
     OffsetEstimate,
@@ -28,27 +27,14 @@ from fitting.text.rendering import phrase
 Floats = tuple[float, ...]
 Interval = tuple[float, float]
 
-#: What closes a side by how its scan ended: it crossed the threshold, by the priors of what drifts,
-#: or while another parameter was held at a limit of its room; it met the end of its own room, came
-#: round a period, or ended before any of these. At all but the first three the interval goes to the
-#: bound.
-CLOSED: Mapping[str, Closed] = {
-    "crossed": "data",
-    "prior": "prior",
-    "held": "bound",
-    "bound": "bound",
-    "round": "periodic",
-    "lost": "",
-    "cost": "",
-}
 #: Disagreement of campaigns, in standard deviations, that is worth a warning; and that no noise
 #: explains, among as many tests as people make.
 WORTH_A_WARNING, CONTRADICT = 3.0, 4.0
 #: Probability from which chi square is smaller than the noise lets it be.
 TOO_SMALL = 1.0 - 1e-4
 #: Why a scan ended before anything closed its side: no further point was found, or chi square
-#: jumps; or it had spent its share of the budget.
-STOPPED = {"lost": "search", "cost": "budget"}
+#: jumps; or it had spent the budget.
+STOPPED = {"failed": "search", "budget": "budget"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,8 +115,8 @@ class Scan(OldNames):
     """Points of a profile likelihood, in rising order of the value that was scanned.
 
     `values` and `delta_chi2` are the points, `path` the parameters and outputs along them, `sigma`
-    the linearised standard deviation at the most likely point. `held` names the parameters at whose
-    limits a side was held; `stopped` is why the scan of a side ended before anything closed it,
+    the linearised standard deviation at the most likely point. `held` names other parameters whose
+    bounds are active along it; `stopped` is why the scan of a side ended before anything closed it,
     "search" or "budget", mostly empty.
     """
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.lockstep import Request
+from fitting.fit.likelihood.samples import Request
 from fitting.fit.path import HistoryRow, PathLevel
 from fitting.inference.likelihood.knowledge import NuChoice, NuRow
 from fitting.signal.chi_square import largest

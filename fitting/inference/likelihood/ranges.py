@@ -102,8 +102,17 @@ def output_ranges(
     names = tuple(output_means(response, parameters, points[:1]))
     some = response.read_at(MOST_PLACES) if isinstance(response, PlacedResponse) else response
 
+    known_means: dict[bytes, list[float]] = {}
+
     def read(xs: Sequence[FloatArray]) -> dict[str, FloatArray]:
-        return output_means_beyond(some, parameters, xs, names)
+        # searches of several outputs meet in the same corners, and a run gives all of them
+        new = {x.tobytes(): x for x in xs if x.tobytes() not in known_means}
+        if new:
+            means = output_means_beyond(some, parameters, list(new.values()), names)
+            for k, key in enumerate(new):
+                known_means[key] = [float(means[name][k]) for name in names]
+        table = np.array([known_means[x.tobytes()] for x in xs]).reshape(len(xs), len(names))
+        return {name: table[:, k] for k, name in enumerate(names)}
 
     table, depends = read(points), _dependence(read, parameters, points[-3:], (lower, upper))
     climbs = [

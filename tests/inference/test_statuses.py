@@ -1,4 +1,4 @@
-"""Verdicts against intervals that are written down by hand: what is said, and of which end."""
+"""Statuses against intervals that are written down by hand: which, and what closes each side."""
 
 from __future__ import annotations
 
@@ -10,18 +10,14 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import Parameter
-from fitting.inference.likelihood.knowledge import Determined, Scan
+from fitting.inference.likelihood.knowledge import Scan
 from fitting.report.screen import phrase
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Kind, of_kind
-from fitting.text.sentences import sentence
 from tests.support.whitened import Z95, learnt, parameter, whitened
 
 Rows = Callable[[FloatArray], FloatArray]
-
-#: Kinds of findings on fits beyond the bounds.
-BEYOND = {Kind.fit_beyond_bounds, Kind.bounds_unsearched}
 
 
 def thrice(row: Callable[[float], float]) -> Rows:
@@ -107,11 +103,11 @@ def test_the_data_end_an_interval_and_no_box(case: str, wider: float) -> None:
 def test_a_positive_value_that_is_zero_within_its_error_is_bounded_above(
     lower: float, upper: float
 ) -> None:
-    """p = 0 with noise 1/2: wherever the box begins, p < 0.98 is what the data say."""
+    """p = 0 with noise 1/2: the least chi square, 4 p^2, is that at the lower bound."""
     found = profile_of(lambda p: p / 0.5, parameter("p", lower, upper, start=0.7))
     assert found.status is Verdict.ABOVE, found.reason
-    assert found.ci95[0] <= lower
-    assert found.ci95[1] == pytest.approx(0.5 * Z95, rel=0.01)
+    assert found.ci95[0] == lower
+    assert found.ci95[1] == pytest.approx(0.5 * math.hypot(Z95, 2.0 * lower), rel=0.01)
 
 
 # --- as many unknowns as data
@@ -244,7 +240,7 @@ def test_effort_changes_nothing_but_whether_it_is_known() -> None:
     own = parameter("a", 1.0, 20.0, start=6.0), parameter("k", 0.1, 3.0, start=1.0)
     objective = whitened(rows, *own)
     words = []
-    for budget in (20, 40, 80, 160, 320, 640, 1280):
+    for budget in (10, 20, 40, 80, 160, 320, 640):
         found = learnt(objective, budget=budget, only=("a", "k"))
         words.append({v.status for v in found.parameters.values()})
         for name, profile in found.parameters.items():
@@ -267,45 +263,39 @@ def leaning(**limits: float) -> tuple[FittedEstimate, Scan]:
     return found.parameters["p"], found.scans["p"]
 
 
-def test_a_limit_of_another_value_is_no_word_of_the_data() -> None:
-    """q has a room of three widths of its box, 6 each way: there it is held, and p with it."""
+def test_a_bound_of_another_value_that_ends_an_interval_is_named_with_it() -> None:
+    """q goes to 1 either way: |p| < 1 + 1.96 sigma, within the bounds of q."""
     found, scan = leaning()
-    assert found.closed_by == ("bound", "bound")
-    assert found.status is Verdict.UNCONSTRAINED
-    assert scan.held == ("q",)
-
-
-def test_a_limit_that_the_model_declares_is_knowledge() -> None:
-    """Where the model itself has no q beyond 2, |p| < 2 + 1.96 sigma is known."""
-    found, _ = leaning(least=-2.0, most=2.0)
+    end = 1.0 + 0.1 * Z95
     assert found.closed_by == ("data", "data")
-    end = 2.0 + 0.1 * Z95
     assert found.ci95 == pytest.approx((-end, end), rel=0.01)
     assert found.status is Verdict.BOUNDED
     assert "zero" in found.reason
+    assert found.active_bounds == scan.held == ("q",)
 
 
-def vanishing(power: float) -> FittedEstimate:
-    """p + q^-power = 1.2 +- 0.1 is measured; q has a room of ten times its most likely value."""
+def test_a_limit_that_the_model_declares_is_knowledge() -> None:
+    """Where the model itself has no q beyond 1 the same interval rests on no bound."""
+    found, scan = leaning(least=-1.0, most=1.0)
+    end = 1.0 + 0.1 * Z95
+    assert found.closed_by == ("data", "data")
+    assert found.ci95 == pytest.approx((-end, end), rel=0.01)
+    assert found.active_bounds == scan.held == ()
+
+
+@pytest.mark.parametrize("power", [1.3, 0.25])
+def test_where_another_value_may_vanish_the_end_is_that_at_its_bound(power: float) -> None:
+    """p + q^-power = 1.2 +- 0.1 and q <= 10: p <= 1.2 - 10^-power + 1.96 sigma, named with q."""
     p = parameter("p", -50.0, 50.0, start=0.8)
     q = parameter("q", 1.0, 10.0, start=2.0)
     rows = whitened(
         lambda x: np.full(3, (x[0] + x[1] ** -power - 1.2) / (0.1 * math.sqrt(3.0))), p, q
     )
-    return learnt(rows, (0.95, 2.0)).parameters["p"]
-
-
-def test_a_limit_beyond_which_nothing_changes_leaves_the_end_to_the_data() -> None:
-    """p <= 1.2 + 1.96 sigma, however far q goes; q as a power of 1/4 lets p go on and on.
-
-    Of q^-1.5 the limit would gain 0.06 of chi square at the crossing, less than what holds: whether
-    it is tried beyond then hangs on how far out the last point of the walk happens to lie.
-    """
-    found = vanishing(1.3)
-    assert found.closed_by[1] == "data"
-    assert found.ci95[1] == pytest.approx(1.2 + 0.1 * Z95, rel=0.02)
-    assert found.ci95[1] >= 1.2 + 0.1 * Z95
-    assert vanishing(0.25).closed_by[1] == "bound"
+    found = learnt(rows, (0.95, 2.0)).parameters["p"]
+    ends = 0.2 - 0.1 * Z95, 1.2 - 10.0**-power + 0.1 * Z95
+    assert found.ci95 == pytest.approx(ends, abs=0.01)
+    assert found.closed_by == ("data", "data")
+    assert found.active_bounds == ("q",)
 
 
 # --- several values
@@ -347,46 +337,41 @@ def test_a_valley_counts_as_long_as_it_fits(tilt: float, verdict: Verdict) -> No
     assert (found.ci95[0] < 0.0) is (verdict is Verdict.SEVERAL)
 
 
-def lower_beyond_the_box(tilt: float, lower: float = -1.2) -> Determined:
-    """Valleys at k = 3/2 and, `tilt`^2 of chi square lower, at -3/2, beyond the box."""
+@pytest.mark.parametrize(("lower", "wanted"), [(-1.2, 1.5), (-3.0, -1.5)])
+def test_of_two_valleys_the_one_beyond_the_bounds_is_none(lower: float, wanted: float) -> None:
+    """Valleys at k = 3/2 and, four of chi square lower, at -3/2: the latter only where it may."""
 
     def rows(p: FloatArray) -> FloatArray:
         k = float(p[0])
-        return np.array([10.0 * (k * k / 2.25 - 1.0), tilt * (k + 1.5) / 3.0, *np.zeros(20)])
+        return np.array([10.0 * (k * k / 2.25 - 1.0), 2.0 * (k + 1.5) / 3.0, *np.zeros(20)])
 
-    return learnt(whitened(rows, parameter("k", lower, 3.0, start=1.4)))
-
-
-def test_a_twin_beyond_the_box_that_fits_better_is_named_and_not_taken() -> None:
-    """As of a pumped line with its modes exchanged, which the box excludes; chi square 4 lower."""
-    known = lower_beyond_the_box(2.0)
-    found = known.parameters["k"]
-    assert known.knowledge.most_likely["k"] == pytest.approx(1.5, abs=0.1)
-    assert found.status is Verdict.SEVERAL
-    assert found.ci95[0] < -1.5
-    assert found.ci95[1] > 1.5
-    inside = lower_beyond_the_box(2.0, lower=-3.0)
-    assert inside.knowledge.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
-
-
-def test_a_box_that_the_data_exclude_is_left_for_a_twin() -> None:
-    known = lower_beyond_the_box(4.0)
-    assert known.knowledge.most_likely["k"] == pytest.approx(-1.5, abs=0.01)
-    assert known.parameters["k"].status is Verdict.DETERMINED
-    assert known.parameters["k"].bound_passed > -1.5
+    found = learnt(whitened(rows, parameter("k", lower, 3.0, start=1.4)))
+    k = found.parameters["k"]
+    assert k.likely == pytest.approx(wanted, abs=0.1)
+    assert k.status is Verdict.DETERMINED
+    assert k.ci95[0] * k.ci95[1] > 0.0
+    assert found.knowledge.equivalents == ()
 
 
 # --- what is not noise widens nothing
 
 
-def test_a_box_that_leaves_the_truth_out_widens_no_interval() -> None:
-    """At 10, the end of its box, chi square is 16: not noise, but the doing of the box."""
-    found = learnt(
-        whitened(lambda p: np.full(3, (p[0] - 14.0) / math.sqrt(3.0)), parameter("p", 1.0, 10.0))
+@pytest.mark.parametrize(("wanted", "bound"), [(12.0, 10.0), (-1.0, 1.0)])
+def test_a_bound_that_the_data_would_pass_leaves_its_side_open(wanted: float, bound: float) -> None:
+    """p is 12 or -1, and its bounds go from 1 to 10: an interval that ends at a bound."""
+    rows = whitened(
+        lambda p: np.append((p[0] - wanted) / math.sqrt(3.0) * np.ones(3), np.zeros(12)),
+        parameter("p", 1.0, 10.0),
     )
-    assert found.knowledge.inflation == 1.0
-    assert found.parameters["p"].ci95 == pytest.approx((14.0 - Z95, 14.0 + Z95), rel=0.005)
-    assert found.parameters["p"].bound_passed == 10.0
+    found = learnt(rows).parameters["p"]
+    side = int(bound == 10.0)
+    assert found.likely == pytest.approx(bound, abs=1e-3)
+    assert found.ci95[side] == bound
+    assert found.closed_by == (("data", "bound") if side else ("bound", "data"))
+    assert found.status is (Verdict.BELOW if side else Verdict.ABOVE)
+    # chi^2 = (12 - c)^2 - 4 = 3.84
+    inner = wanted + (1.0 - 2.0 * side) * math.sqrt(4.0 + Z95**2)
+    assert found.ci95[1 - side] == pytest.approx(inner, abs=0.02)
 
 
 @pytest.mark.parametrize("start", [-1.4, 1.4])
@@ -406,65 +391,7 @@ def test_a_poor_minimum_that_was_begun_at_widens_no_interval(start: float) -> No
     assert k.status is Verdict.DETERMINED
 
 
-# --- a box that is a guess
-
-
-def _opening(p: FloatArray) -> FloatArray:
-    """Rows that hold a to 4 ± 0.1 as far as d stays below 100, and to 5 ± 0.1 at d = 1000."""
-    a, d = p
-    return np.full(3, (a - 4.0 - (d / 1000.0) ** 8) / 0.1 / math.sqrt(3.0))
-
-
-def test_what_a_budget_left_out_beyond_the_box_is_told() -> None:
-    """Whatever the budget: what rests on the box says so, or nobody claims to have looked."""
-    own = (parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0))
-    seen: set[Kind] = set()
-    for budget in (80, 160, 320, 640, 1280, 2560):
-        known = learnt(whitened(_opening, *own), budget=budget)
-        if known.parameters["a"].status is Verdict.DETERMINED:
-            found = {f.kind for f in known.findings} & BEYOND
-            assert found, budget
-            seen |= found
-    assert seen == BEYOND
-
-
-def test_a_verdict_that_rests_on_the_box_says_so() -> None:
-    known = learnt(whitened(_opening, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
-    assert known.parameters["a"].status is Verdict.DETERMINED
-    [beyond] = of_kind(known.findings, Kind.fit_beyond_bounds)
-    assert "(bounds 1 to 100)" in sentence(beyond)
-    assert (beyond.names["values"], beyond.names["outside"]) == (("a",), ("d",))
-    a, d = beyond.numbers["a"], beyond.numbers["d"]
-    assert abs(_opening(np.array([a, d]))[0]) * math.sqrt(3.0) < Z95 + 1e-3  # it does fit
-    assert a > known.parameters["a"].ci95[1]
-    assert known.parameters["a"].active_bounds == ("d",)
-    line = phrase("knowledge", "profile", "a", known.parameters["a"])
-    assert "bounds of d" in line
-
-
-def test_an_exchange_beyond_the_box_is_called_one() -> None:
-    """Sum and product tell a and b as 3 and 7 or as 7 and 3; the boxes keep them apart."""
-
-    def rows(p: FloatArray) -> FloatArray:
-        a, b = p
-        return np.array([(a + b - 10.0) / 0.01, (a * b - 21.0) / 0.01, 0.1])
-
-    known = learnt(whitened(rows, parameter("a", 2.0, 4.5), parameter("b", 5.5, 9.0)))
-    assert known.parameters["a"].status is Verdict.DETERMINED
-    [beyond] = of_kind(known.findings, Kind.fit_beyond_bounds)
-    assert beyond.names["exchanged"] == ("a", "b")
-    assert "a and b exchanged" in sentence(beyond)
-
-
-def test_a_fit_is_seen_beyond_thirty_times_the_box() -> None:
-    """a is 4 ± 0.1 while d stays far below 3000, and 5 ± 0.1 there; the box of d ends at 100."""
-
-    def rows(p: FloatArray) -> FloatArray:
-        return np.full(3, (p[0] - 4.0 - (p[1] / 3000.0) ** 8) / 0.1 / math.sqrt(3.0))
-
-    known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
-    assert known.parameters["a"].status is Verdict.DETERMINED
-    assert known.parameters["a"].active_bounds == ("d",)
+# --- of what outputs can be
 
 
 @pytest.mark.parametrize(
@@ -508,8 +435,11 @@ def test_a_width_and_its_q_over_decades_have_the_same_bound() -> None:
     assert known["q"].ci95[1] == pytest.approx(1e8, rel=1e-3)
 
 
-def test_an_end_that_another_value_makes_at_its_limit_names_that_value() -> None:
-    """a + d is 5 ± 0.1 and d at most 1: the data alone would let a go to 2.8, the box to 4."""
+# --- bounds of other values
+
+
+def test_an_end_that_another_value_makes_at_its_bound_names_that_value() -> None:
+    """a + d is 5 ± 0.1 and d at most 1: the data alone would let a go to 2.8, the bound to 3.83."""
 
     def rows(p: FloatArray) -> FloatArray:
         return np.array([(p[0] + p[1] - 5.0) / 0.1, (p[0] - 4.0) / 0.6, 0.0])
@@ -517,8 +447,9 @@ def test_an_end_that_another_value_makes_at_its_limit_names_that_value() -> None
     a, d = parameter("a", 0.5, 50.0), parameter("d", 0.1, 1.0, start=0.5)
     known = learnt(whitened(rows, a, d))
     assert known.scans["a"].held == ("d",)
-    # the data make the end that is told, and the profile took d beyond its box
-    assert known.parameters["a"].active_bounds == ()
+    assert known.parameters["a"].active_bounds == ("d",)
+    line = phrase("knowledge", "profile", "a", known.parameters["a"])
+    assert "bounds of d" in line
     [at_bound] = of_kind(known.findings, Kind.interval_at_bound)
     assert (at_bound.names["values"], at_bound.names["held"]) == (("a",), ("d",))
 
@@ -530,32 +461,24 @@ def test_two_values_that_make_an_end_at_their_limits_are_both_named() -> None:
     own = (parameter(name, 0.1, 0.5, start=0.25) for name in ("d", "e"))
     known = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own))
     assert known.scans["a"].held == ("d", "e")
-    assert known.parameters["a"].active_bounds == ()
+    assert known.parameters["a"].active_bounds == ("d", "e")
 
 
-def test_every_box_beyond_which_a_fit_says_otherwise_is_named() -> None:
-    """a is 4 ± 0.1 while d and e stay far below 3000, and 5 ± 0.1 where either does not."""
+def test_an_interval_that_the_data_make_rests_on_no_bound() -> None:
+    """a is 4 ± 0.1 while d, which is 10 ± 1, stays far below 1000."""
 
     def rows(p: FloatArray) -> FloatArray:
-        more = (p[1] / 3000.0) ** 8 + (p[2] / 3000.0) ** 8
-        return np.full(4, (p[0] - 4.0 - more) / 0.1 / 2.0)
-
-    own = (parameter(name, 1.0, 100.0) for name in ("d", "e"))
-    a = learnt(whitened(rows, parameter("a", 0.5, 50.0), *own)).parameters["a"]
-    assert a.status is Verdict.DETERMINED
-    assert a.active_bounds == ("d", "e")
-
-
-def test_a_verdict_that_the_data_make_rests_on_no_box() -> None:
-    def rows(p: FloatArray) -> FloatArray:
-        return np.append(_opening(p), (p[1] - 10.0) / 1.0)
+        a, d = p
+        opening = np.full(3, (a - 4.0 - (d / 1000.0) ** 8) / 0.1 / math.sqrt(3.0))
+        return np.append(opening, (d - 10.0) / 1.0)
 
     known = learnt(whitened(rows, parameter("a", 0.5, 50.0), parameter("d", 1.0, 100.0)))
-    assert not of_kind(known.findings, Kind.fit_beyond_bounds)
+    assert known.parameters["a"].status is Verdict.DETERMINED
+    assert not of_kind(known.findings, Kind.interval_at_bound)
     assert not any(p.active_bounds for p in known.profiled.values())
 
 
-# --- outputs that say the same
+# --- outputs that are functions of one another
 
 
 def test_an_inverse_has_the_verdict_and_the_interval_of_what_it_is_the_inverse_of() -> None:
