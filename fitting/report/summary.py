@@ -303,11 +303,14 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return phrase("next", "more_starts"), ""
     if Kind.contradiction in kinds:
         return phrase("next", "separate_fits"), ""
+    adequacy = None if knowledge is None else knowledge.adequacy
+    held = _held_by_bounds(result)
     if status != "converged":
-        return phrase("next", "other_model", None if knowledge is None else knowledge.adequacy), ""
-    beyond = {n: p for n, p in result.parameters.items() if not math.isnan(p.bound_passed)}
-    if beyond:
-        return phrase("next", "wider_bounds", beyond), ""
+        if held and (adequacy is None or not adequacy.rival):
+            return phrase("next", "wider_bounds", held, False), ""
+        return phrase("next", "other_model", adequacy), ""
+    if held:
+        return phrase("next", "wider_bounds", held, True), ""
     if knowledge is None:
         return _with_profiles(result)
     # the fit is as good as it can be: what to measure
@@ -323,6 +326,13 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return _larger_budget(result)
     command = _design_command(result, target)
     return phrase("next", "determine", target, not command), command
+
+
+def _held_by_bounds(result: Result) -> list[str]:
+    """Signs of the parameters that end on a bound, but for those that the data leave open there."""
+    ended = {f.subject for f in of_kind(result.findings, Kind.at_bound) if f.numbers["at_bound"]}
+    open_ = (Verdict.UNCONSTRAINED, Verdict.UNKNOWN)
+    return [sign(n) for n, p in result.parameters.items() if n in ended and p.status not in open_]
 
 
 def _with_profiles(result: Result) -> tuple[str, str]:

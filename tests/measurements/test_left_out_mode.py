@@ -12,7 +12,7 @@ import pytest
 
 import fitting as ff
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.fit.likelihood.lockstep import Request
+from fitting.fit.likelihood.samples import Request
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.plan import Plan

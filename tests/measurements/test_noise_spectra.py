@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,10 +16,12 @@ from scipy.stats import chi2, gamma
 import fitting as ff
 from fitting.measurements.noise.levels import best_levels
 from fitting.measurements.noise.record import NoiseRecord
-from fitting.report.screen import phrases
+from fitting.report.screen import phrase, phrases
 from fitting.report.shown import figures_of
+from fitting.report.summary import summary_of
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind, of_kind
 from tests.bench.bench_noise import LABORATORY, PARAMETERS, QUICK, SETUP, one
 
 U = np.arange(60.0, 140.25, 0.5)
@@ -211,19 +214,19 @@ def test_averages_that_nobody_told_give_the_same_errors(fmu: ff.Fmu) -> None:
         assert seen[name].std == pytest.approx(told[name].std, rel=0.2)
 
 
-def test_a_box_that_holds_a_width_widens_no_errors(fmu: ff.Fmu) -> None:
-    """What a box makes the curve leave is no noise: errors are those beyond it, not wider ones."""
-    y = drawn(100.0, 3)
-    width = LABORATORY.width_hz
+def test_a_bound_that_holds_a_width_is_named_and_no_model_is_blamed_alone(fmu: ff.Fmu) -> None:
+    """The width is twice its upper bound: no value is given, and wider bounds are advised first."""
+    y, width = drawn(100.0, 3), LABORATORY.width_hz
     held = (PARAMETERS[0], ff.Parameter("d1", 0.3 * width, bounds=(1.0, 0.5 * width), unit="Hz"))
-    errors = []
-    for parameters in (PARAMETERS, held):
-        problem = ff.Problem(fmu, parameters, spectrum(y))
-        found = ff.fit(problem, method=QUICK, starts=1)
-        errors.append(found["eta_plus"].std)
-        assert found["d1"].value == pytest.approx(width, rel=0.1)
-        assert "are correlated" not in found.message
-    assert errors[1] == pytest.approx(errors[0], rel=0.4)
+    free = ff.fit(ff.Problem(fmu, PARAMETERS, spectrum(y)), method=QUICK, starts=1)
+    assert free["d1"].value == pytest.approx(width, rel=0.1)
+    assert not of_kind(free.findings, Kind.at_bound)
+    found = ff.fit(ff.Problem(fmu, held, spectrum(y)), method=QUICK, starts=1)
+    assert found.status == "does not describe the data"
+    assert math.isnan(found["d1"].std)
+    [bound] = of_kind(found.findings, Kind.at_bound)
+    assert (bound.subject, bound.numbers["bound"]) == ("d1", 0.5 * width)
+    assert summary_of(found.result).advice == phrase("next", "wider_bounds", ["d₁"], False)
 
 
 @pytest.mark.parametrize("averages", [100, pytest.param(1, marks=pytest.mark.nightly)])

@@ -84,7 +84,7 @@ def test_an_input_is_set_where_it_changes_alone() -> None:
     held = np.array([[2.0], [0.0], [0.0], [3.0]])
     seen = np.array([[2.0], [0.0], [0.0], [0.0], [3.0]])
     request: Any = SimpleNamespace(
-        held=SimpleNamespace(held=held, seen=seen),
+        sampled=SimpleNamespace(values=held, at_samples=seen),
         start_time_s=0.0,
         settle_s=0.0,
         sample_step_s=1.0,
