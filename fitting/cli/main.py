@@ -14,6 +14,7 @@ import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TextIO
 
 import fitting
 from fitting.cli.running.interrupts import INTERRUPTED, Interrupts, interruptible
@@ -66,6 +67,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     if arguments is None and not sys.warnoptions:  # of libraries, about numbers: no user's concern
         warnings.filterwarnings("ignore", category=RuntimeWarning)
+        warnings.filterwarnings("always", category=DeprecationWarning, module=r"fitting\b")
+        warnings.showwarning = _warn
     with outlets() as output, interruptible(whole_process=arguments is None) as interrupts:
         try:
             code = _run(given, interrupts)
@@ -77,6 +80,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if lost is None or isinstance(lost, BrokenPipeError) or code in (BAD_INPUT, FMU_FAILED):
             return code
         return _complain(f"standard output: cannot be written: {lost.strerror}", BAD_INPUT)
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """What is deprecated, and whatever else warns, in a line like every other complaint."""
+    print(f"fmu-fit: {message} ({category.__name__})", file=sys.stderr)
 
 
 def _keep_out_settings() -> None:

@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 
 from fitting.cli.main import main
-from fitting.fit.likelihood.descent import Expansion, Optimum, most_likely
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.fit.likelihood.lockstep import Task, run_in_lockstep
+from fitting.fit.likelihood.optimum import Optimum, most_likely
 from fitting.fit.noise import RowNoise
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.bootstrap import _displaced, bootstrap
+from fitting.inference.likelihood.bootstrap import bootstrap
 from fitting.inference.likelihood.knowledge import Determined, Identification
 from fitting.text.estimate import Verdict
 from fitting.text.records import read_json
@@ -117,14 +116,6 @@ def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
 
 
 # --- bootstrap ------------------------------------------------------------------------------------
-
-
-def test_a_search_that_is_there_already_asks_for_nothing() -> None:
-    def there() -> Task[Expansion | None]:
-        return None
-        yield  # a generator all the same
-
-    assert run_in_lockstep([_displaced(there(), np.zeros(1))], lambda requests: []) == [None]
 
 
 @pytest.fixture(scope="module")

@@ -39,8 +39,7 @@ EXPECTED = Expected(
     stages={
         Stage.MINIMA: (50.0, 100.0),
         Stage.WALKS: (100.0, 700.0),
-        Stage.BEYOND: (50.0, 200.0),
-        Stage.DIRECTIONS: (0.0, 0.0),
+        Stage.DIRECTIONS: (50.0, 200.0),
     },
     bootstrap=(0.0, 0.0),
     output_runs=(0.0, 0.0),
@@ -127,19 +126,19 @@ def test_what_is_left_counts_profiles_and_figures_in(told: Remaining, clock: Clo
 
 
 def test_a_stage_that_ended_early_is_not_waited_for(told: Remaining, clock: Clock) -> None:
-    """Walks take 100 to 700 evaluations, what is beyond the box 50 to 200."""
+    """Walks take 100 to 700 evaluations, what has no effect 50 to 200."""
     said = told.walking(Spent(Stage.WALKS, 100, 0))
     assert Stage.WALKS in said
     assert counts(said) == ["2", "100"]  # of two values, evaluations
     # 100 in ten seconds: up to 500 and 50 to 200 are left
     assert span_s(after(told, clock, 10.0, Spent(Stage.WALKS, 200, 0))) == (5.0, 70.0)
     assert span_s(after(told, clock, 20.0, Spent(Stage.WALKS, 600, 0))) == (5.0, 35.0)
-    assert span_s(after(told, clock, 30.0, Spent(Stage.BEYOND, 0, 600))) == (2.0, 10.0)
+    assert span_s(after(told, clock, 30.0, Spent(Stage.DIRECTIONS, 0, 600))) == (2.0, 10.0)
 
 
 def test_the_time_left_runs_down_while_nothing_is_told(told: Remaining, clock: Clock) -> None:
-    told.walking(Spent(Stage.BEYOND, 100, 0))
-    assert span_s(after(told, clock, 10.0, Spent(Stage.BEYOND, 101, 0))) == (0.0, 10.0)
+    told.walking(Spent(Stage.DIRECTIONS, 100, 0))
+    assert span_s(after(told, clock, 10.0, Spent(Stage.DIRECTIONS, 101, 0))) == (0.0, 10.0)
     clock.now_s = 14.0
     assert span_s(told.left()) == (0.0, 6.0)
     clock.now_s = 21.0
@@ -167,8 +166,8 @@ def test_a_batch_that_was_held_up_tells_nothing_of_the_others(
 
 
 def test_a_stage_that_takes_longer_is_given_a_quarter_more(told: Remaining, clock: Clock) -> None:
-    told.walking(Spent(Stage.BEYOND, 400, 0))
-    assert span_s(after(told, clock, 40.0, Spent(Stage.BEYOND, 401, 0))) == (0.0, 10.0)
+    told.walking(Spent(Stage.DIRECTIONS, 400, 0))
+    assert span_s(after(told, clock, 40.0, Spent(Stage.DIRECTIONS, 401, 0))) == (0.0, 10.0)
 
 
 def test_no_time_is_told_of_a_pace_that_was_hardly_seen(told: Remaining, clock: Clock) -> None:
@@ -184,7 +183,7 @@ def test_the_time_left_runs_down_while_estimates_waver_and_follows_what_they_say
     clock: Clock,
 ) -> None:
     """The paces that are seen would say 89, 88, 87.5 and 89 s."""
-    stages = {**EXPECTED.stages, Stage.WALKS: (0.0, 10_000.0), Stage.BEYOND: (0.0, 0.0)}
+    stages = {**EXPECTED.stages, Stage.WALKS: (0.0, 10_000.0), Stage.DIRECTIONS: (0.0, 0.0)}
     told = Remaining(replace(EXPECTED, stages=stages), drawn=False, clock=clock)
     for k in range(10):
         after(told, clock, float(k), Spent(Stage.WALKS, 100 * (k + 1), 0))
@@ -225,7 +224,7 @@ def test_over_a_whole_job_the_end_is_never_put_off(clock: Clock) -> None:
         look()
         clock.now_s += 10.0 * (done < 4)
     before = 0
-    for stage, count in ((Stage.MINIMA, 70), (Stage.WALKS, 200), (Stage.BEYOND, 60)):
+    for stage, count in ((Stage.MINIMA, 70), (Stage.WALKS, 200), (Stage.DIRECTIONS, 60)):
         for k in range(0, count, 10):
             told.walking(Spent(stage, k + 10, before))
             look()

@@ -185,6 +185,7 @@ def _in_process(words: Sequence[str], temporary: Path) -> Ending:
         contextlib.redirect_stderr(errors),
     ):
         warnings.simplefilter("always")  # each one is a line on stderr that nobody asked for
+        warnings.filterwarnings("ignore", category=DeprecationWarning, module="fitting")
         warnings.showwarning = _on_stderr
         code = main(words)
     return Ending(code, output.getvalue(), errors.getvalue())
