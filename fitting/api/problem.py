@@ -378,27 +378,21 @@ class Problem:
             result[inside] = self.logl(flat[inside]) + self.density.logprior(flat[inside])
         return result.reshape(table.shape[:-1])
 
-    def white_rows(
-        self, p: npt.ArrayLike, scatter_at: npt.ArrayLike | None = None
-    ) -> tuple[FloatArray, FloatArray]:
+    def white_rows(self, p: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Rows of unit variance and their derivatives: r^T dr/dp = -d ln(posterior)/dp.
 
         Gaussian priors are rows, too: (p - reference)/prior_sigma. Shapes (m + k,), (m + k, n).
-        Rows of unknown noise have the scatter that they have at p, sqrt(S/nu). With that of one
-        place, instead, they are functions of p with these derivatives.
+        Rows of unknown noise have the scatter that they have at p, sqrt(S/nu).
 
         Args:
             p: Parameters, shape (n,), in their units, inside the box.
-            scatter_at: Where rows of unknown noise are asked for their scatter; None: at p.
 
         Raises:
             BadInput: as `logl`.
             FmuFailure: the FMU failed at one of them.
         """
-        place, dof, _ = self._checked(p), self.density.dof, self.density.noise
-        rows, jac = self.residuals(place), self.jac(place)
-        there = rows if scatter_at is None or not dof else self.residuals(scatter_at)
-        return self.density.white(place, rows, jac, there)
+        place = self._checked(p)
+        return self.density.white(place, self.residuals(place), self.jac(place))
 
     def _rows(self, table: FloatArray) -> FloatArray:
         xs = list(to_search(self.record.parameters, table))

@@ -11,7 +11,6 @@ import numpy as np
 
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.estimate import SLACK
 from fitting.text.keys import Keys, OneOf, Text
 
 #: A number as it is written, or in the unit of its parameter.
@@ -328,19 +327,6 @@ def in_box(parameters: Sequence[Parameter], search: FloatArray) -> bool:
     """
     lower, upper = search_bounds(parameters)
     return bool(np.all((search >= lower) & (search <= upper)))
-
-
-def outside_box(parameters: Sequence[Parameter], search: FloatArray) -> tuple[int, ...]:
-    """Which parameters of a search vector lie outside the box; one with a period never does.
-
-    Args:
-        parameters: the fitted parameters.
-        search: search vector (n,).
-    """
-    lower, upper = search_bounds(parameters)
-    slack = SLACK * (upper - lower)
-    out = (search < lower - slack) | (search > upper + slack)
-    return tuple(i for i, p in enumerate(parameters) if p.period is None and bool(out[i]))
 
 
 def inverse_priors(parameters: Sequence[Parameter], *, drift: bool = False) -> FloatArray:

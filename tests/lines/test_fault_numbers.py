@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import curve_fit
 from scipy.stats import f as f_distribution
 
+from fitting.lines import faults
 from fitting.lines.faults import Fault, SweepFault, sweep_faults
 from fitting.text.arrays import FloatArray
 
@@ -19,7 +20,7 @@ Law = Callable[..., FloatArray]
 @pytest.fixture(autouse=True)
 def _one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether two lines fit as well is asked in `test_sweep_faults`: it costs most of the time."""
-    monkeypatch.setattr("fitting.lines.faults.two_lines_p", lambda *_: 1.0)
+    monkeypatch.setattr(faults, "two_lines_p", lambda *_: 1.0)
 
 
 def detuned(count: int, widths: float = 3.0) -> FloatArray:

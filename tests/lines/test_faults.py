@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fitting.lines import faults
 from fitting.lines.faults import Fault, SweepFault, sweep_faults
 from fitting.text.arrays import FloatArray
 
@@ -34,7 +35,7 @@ NIGHTLY = pytest.mark.nightly
 @pytest.fixture
 def one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether two lines fit as well is not asked: it costs most of the time where none is seen."""
-    monkeypatch.setattr("fitting.lines.faults.two_lines_p", lambda *_: 1.0)
+    monkeypatch.setattr(faults, "two_lines_p", lambda *_: 1.0)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=NIGHTLY) for k in range(1, 6))])
