@@ -23,6 +23,6 @@ class Stage(StrEnum):
     """What is being looked for; the words say so."""
 
     MINIMA = "other minima"
-    WALKS = "scans"
+    SCANS = "scans"
     DIRECTIONS = "what has no effect"
     REFITS = "refits of the bootstrap"

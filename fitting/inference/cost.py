@@ -29,7 +29,7 @@ GLOBAL: Range = (200.0, 1500.0)
 #: Jacobians of the most likely point and other minima that fit; of the interval of each value,
 #: verified at least and scanned at most; and of what has no effect, for each parameter.
 MINIMA: Range = (0.5, 20.0)
-WALKS: Range = (0.1, 20.0)
+SCANS: Range = (0.1, 20.0)
 DIRECTIONS: Range = (0.0, 5.0)
 #: What a stage is at most expected to take yet, as a share of what it has taken beyond its most.
 OVERDUE = 0.25
@@ -108,7 +108,7 @@ def expected(
     jacobian = 2.0 * unknowns + 1.0
     stages = {
         Stage.MINIMA: times(jacobian if profiles else 0.0, MINIMA),
-        Stage.WALKS: times(profiled * jacobian, WALKS),
+        Stage.SCANS: times(profiled * jacobian, SCANS),
         Stage.DIRECTIONS: times(unknowns * jacobian if profiles else 0.0, DIRECTIONS),
     }
     search = added(DESCENT, SEARCH) if schedule.starts > 1 else DESCENT

@@ -162,7 +162,7 @@ def determine(
     if not adequacy.describes:
         return _determined(evaluator, optimum, adequacy, {}, (), options)
 
-    evaluator.begin(Stage.WALKS)
+    evaluator.begin(Stage.SCANS)
     scans = _scanned(evaluator, optimum, minima, exact, options)
     for _ in range(ANEW):
         better = _better(scans)
@@ -262,10 +262,10 @@ def _searched(evaluator: LikelihoodEvaluator, options: InferenceOptions) -> list
             for screen in range(SCREENS)
             for x in screened(evaluator, options.seed, skip=SCREENED * screen)
         ]
-        begun = expand(evaluator, begins, outputs=False) if begins else []
+        started = expand(evaluator, begins, outputs=False) if begins else []
     except Exhausted:
         return []
-    return [end.end.x for end in minimise(evaluator, begun)]
+    return [end.end.x for end in minimise(evaluator, started)]
 
 
 def _let_down(
@@ -282,11 +282,11 @@ def _let_down(
         [samples] = evaluator([Request(tuple(begins), outputs=False)]) if begins else [[]]
         fit = [sample for sample in samples if delta(sample) <= threshold]
         near = [s.x for s in samples if threshold < delta(s) <= NEAR * threshold]
-        begun = expand(evaluator, near, outputs=False) if near else []
+        started = expand(evaluator, near, outputs=False) if near else []
     except Exhausted:
         return []
     goal = Goal(wanted=optimum.least + threshold)
-    fit += [end.end.sample for end in minimise(evaluator, begun, goal=goal)]
+    fit += [end.end.sample for end in minimise(evaluator, started, goal=goal)]
     apart: list[Sample] = []
     for sample in sorted(fit, key=delta):
         gaps = [
@@ -334,8 +334,8 @@ def _determined(
         interval = span(*value.ci95, value.unit).replace("\u00a0", " ")
         _log.info("profile of %s: %s, %s", name, interval, value.status)
     evaluator.begin(Stage.DIRECTIONS)
-    asked = options.directions and adequacy.describes
-    directions = identifiability.directions(evaluator, optimum) if asked else ()
+    wants_directions = options.directions and adequacy.describes
+    directions = identifiability.directions(evaluator, optimum) if wants_directions else ()
     idle = identifiability.without_effect(evaluator, optimum, values)
     resampled = None
     if options.bootstrap > 1 and values:

@@ -41,11 +41,11 @@ def contradicts(
     if not all(map(math.isfinite, (value, low, high))):
         return False
     slack = max(SLACK * (high - low) if slack is None else slack, 1e-9 * max(abs(low), abs(high)))
-    near = turned_to(value, 0.5 * (low + high), period)
+    near = nearest_image(value, 0.5 * (low + high), period)
     return not low - slack <= near <= high + slack
 
 
-def turned_to(value: float, near: float, period: float | None) -> float:
+def nearest_image(value: float, near: float, period: float | None) -> float:
     """A value, or the one whole periods off that is the nearest to another.
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 from fitting.campaign.parameters import search_bounds, to_model, to_search
 from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.likelihood.optimum import held_at, most_likely
+from fitting.fit.likelihood.optimum import active_bounds_at, most_likely
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.outputs import output_means
@@ -380,7 +380,7 @@ def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
     scale_off = _scale_off(solution, sweeps)
     adequacy = adequacy_of(optimum, solution.structure, closer, scale_off)
     best = to_model(solution.parameters, _with_every_output(fit, optimum.expansion.x))
-    held = held_at(optimum.likelihood, optimum.expansion, ())
+    held = active_bounds_at(optimum.likelihood, optimum.expansion, ())
     names = tuple(solution.parameters[i].name for i in held)
     return _Reading(best, adequacy, optimum.likelihood.inflation, at_bounds=names)
 

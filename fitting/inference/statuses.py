@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, spans_decades, to_model
-from fitting.inference.equivalent_fits import contradicts, turned_to
+from fitting.inference.equivalent_fits import contradicts, nearest_image
 from fitting.inference.likelihood.knowledge import STOPPED, Equivalent, Interval, Profile, Scan
 from fitting.inference.likelihood.profile import Quantity, ScanPoint, Scans, Side
 from fitting.text.arrays import FloatArray
@@ -90,7 +90,7 @@ class _Subject:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Found:
+class _Interval:
     """Interval and what closes it, and what speaks against it.
 
     `others` are values of separate minima outside the interval around the optimum, whose own valley
@@ -170,7 +170,7 @@ def _profile(scans: Scans, subject: _Subject, basis: Basis, turn: FloatArray) ->
         low95, high95 = min(low95, subject.box[0]), max(high95, subject.box[1])
     names = [p.name for p in scans.optimum.likelihood.parameters]
     active = tuple(dict.fromkeys(names[i] for side in (low, high) for i in side.active))
-    found = _Found(
+    ends = _Interval(
         interval=(low95, high95),
         closed=closed,
         others=others,
@@ -178,7 +178,7 @@ def _profile(scans: Scans, subject: _Subject, basis: Basis, turn: FloatArray) ->
         active=active,
         is_closed=math.isfinite(low.own95) and math.isfinite(high.own95),
     )
-    status, reason = _status(subject, found, basis)
+    status, reason = _status(subject, ends, basis)
     wide = (high95 - low95) / (subject.box[1] - subject.box[0])
     points = _in_order(scans, quantity)
     parameter = subject.parameter
@@ -265,7 +265,7 @@ def _elsewhere(scans: Scans, subject: _Subject, equivalents: Sequence[Equivalent
         value = named.get(quantity.name, math.nan)
         if other.origin != "start" or not other.possible or not math.isfinite(value):
             continue
-        value = turned_to(value, subject.shown(quantity.best), subject.period)
+        value = nearest_image(value, subject.shown(quantity.best), subject.period)
         if not low - margin <= value <= high + margin:
             values.append(value)
     return values
@@ -286,17 +286,17 @@ def _exchange(
         values = other.parameters if subject.parameter is not None else other.derived
         there = values.get(name, math.nan)
         if contradicts(there, bounds, subject.period, slack):
-            return turned_to(there, best, subject.period), other.where or "another minimum"
+            return nearest_image(there, best, subject.period), other.where or "another minimum"
     return None
 
 
-def _status(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, str]:
+def _status(subject: _Subject, ends: _Interval, basis: Basis) -> tuple[Verdict, str]:
     """The status and why."""
-    closed, active = found.closed, list(found.active)
+    closed, active = ends.closed, list(ends.active)
     if not basis.redundant:  # where a scan then ends is a matter of the bounds
         return Verdict.UNKNOWN, phrase("status", "no_redundancy")
-    if found.others and found.is_closed:
-        return Verdict.SEVERAL, _of_others(subject, found)
+    if ends.others and ends.is_closed:
+        return Verdict.SEVERAL, _of_others(subject, ends)
     status = STATUS.get(closed, Verdict.UNCONSTRAINED)
     if status is Verdict.UNKNOWN:
         return status, phrase("status", "sides", closed, active)
@@ -307,21 +307,21 @@ def _status(subject: _Subject, found: _Found, basis: Basis) -> tuple[Verdict, st
         )
     # width of the interval over that of the Gaussian prior
     prior = None if subject.parameter is None else subject.parameter.prior_sigma
-    low, high = found.interval
+    low, high = ends.interval
     share = 0.0 if prior is None else (high - low) / (2.0 * ROOT_95 * prior)
     if share > PRIOR_ALONE:
         return Verdict.UNCONSTRAINED, phrase("status", "prior_alone")
-    if found.exchange is not None or found.others:
+    if ends.exchange is not None or ends.others:
         several = Verdict.SEVERAL if closed == ("data", "data") else Verdict.UNKNOWN
-        return several, _of_others(subject, found)
-    if _is_nearly_all(subject, found.interval, subject.box):
+        return several, _of_others(subject, ends)
+    if _is_nearly_all(subject, ends.interval, subject.box):
         return Verdict.UNCONSTRAINED, phrase("status", "nearly_all")
     if status is not Verdict.DETERMINED:
         side = "above" if status is Verdict.BELOW else "below"
         return status, phrase("status", side, closed, active)
     if share > PRIOR_IDLE:
         return Verdict.BOUNDED, phrase("status", "prior_part")
-    return _by_width(subject, found)
+    return _by_width(subject, ends)
 
 
 def _is_nearly_all(subject: _Subject, wide: Interval, room: Interval) -> bool:
@@ -339,9 +339,9 @@ def _is_nearly_all(subject: _Subject, wide: Interval, room: Interval) -> bool:
     return end - begin > NEARLY_ALL * (high - low)
 
 
-def _by_width(subject: _Subject, found: _Found) -> tuple[Verdict, str]:
+def _by_width(subject: _Subject, ends: _Interval) -> tuple[Verdict, str]:
     """Determined, or only bounded, where the data cut both ends."""
-    low, high = found.interval
+    low, high = ends.interval
     half, best = 0.5 * (high - low), abs(subject.shown(subject.quantity.best))
     if subject.period is not None:
         if high - low <= NARROW_ROUND * subject.period:
@@ -355,20 +355,20 @@ def _by_width(subject: _Subject, found: _Found) -> tuple[Verdict, str]:
     return Verdict.BOUNDED, phrase("status", "wide", max(low / high, high / low))
 
 
-def _of_others(subject: _Subject, found: _Found) -> str:
+def _of_others(subject: _Subject, ends: _Interval) -> str:
     """What other minima have that fit as well: a bound is none that one of them does not keep."""
-    there, where = [*found.others], "another minimum"
-    if found.exchange is not None:
-        there, where = [found.exchange[0]], found.exchange[1]
-    error = _own_error(subject, found.interval)
+    there, where = [*ends.others], "another minimum"
+    if ends.exchange is not None:
+        there, where = [ends.exchange[0]], ends.exchange[1]
+    error = _own_error(subject, ends.interval)
     known = (there, error, subject.unit)
-    if found.closed != ("data", "data"):
+    if ends.closed != ("data", "data"):
         return phrase("status", "no_bound", *known, where)
-    determined = _by_width(subject, found)[0] is Verdict.DETERMINED
-    best, (low, high) = subject.shown(subject.quantity.best), found.interval
-    if found.exchange is None and all(low <= value <= high for value in there):
+    determined = _by_width(subject, ends)[0] is Verdict.DETERMINED
+    best, (low, high) = subject.shown(subject.quantity.best), ends.interval
+    if ends.exchange is None and all(low <= value <= high for value in there):
         return phrase("status", "several_within", best, *known, low, high)
-    if found.exchange is None and determined:
+    if ends.exchange is None and determined:
         return phrase("status", "several", best, *known)
     return phrase("status", "exchange", best, *known, low, high, where, determined)
 

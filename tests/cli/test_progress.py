@@ -38,7 +38,7 @@ EXPECTED = Expected(
     profiles=(200.0, 1000.0),
     stages={
         Stage.MINIMA: (50.0, 100.0),
-        Stage.WALKS: (100.0, 700.0),
+        Stage.SCANS: (100.0, 700.0),
         Stage.DIRECTIONS: (50.0, 200.0),
     },
     bootstrap=(0.0, 0.0),
@@ -127,12 +127,12 @@ def test_what_is_left_counts_profiles_and_figures_in(told: Remaining, clock: Clo
 
 def test_a_stage_that_ended_early_is_not_waited_for(told: Remaining, clock: Clock) -> None:
     """Walks take 100 to 700 evaluations, what has no effect 50 to 200."""
-    said = told.walking(Spent(Stage.WALKS, 100, 0))
-    assert Stage.WALKS in said
+    said = told.walking(Spent(Stage.SCANS, 100, 0))
+    assert Stage.SCANS in said
     assert counts(said) == ["2", "100"]  # of two values, evaluations
     # 100 in ten seconds: up to 500 and 50 to 200 are left
-    assert span_s(after(told, clock, 10.0, Spent(Stage.WALKS, 200, 0))) == (5.0, 70.0)
-    assert span_s(after(told, clock, 20.0, Spent(Stage.WALKS, 600, 0))) == (5.0, 35.0)
+    assert span_s(after(told, clock, 10.0, Spent(Stage.SCANS, 200, 0))) == (5.0, 70.0)
+    assert span_s(after(told, clock, 20.0, Spent(Stage.SCANS, 600, 0))) == (5.0, 35.0)
     assert span_s(after(told, clock, 30.0, Spent(Stage.DIRECTIONS, 0, 600))) == (2.0, 10.0)
 
 
@@ -147,7 +147,7 @@ def test_the_time_left_runs_down_while_nothing_is_told(told: Remaining, clock: C
 
 def test_profiles_that_begin_anew_keep_their_pace(told: Remaining, clock: Clock) -> None:
     """At 0.05 s an evaluation 150 to 925 are left, not the 0.4 s of all that was before."""
-    told.walking(Spent(Stage.WALKS, 600, 0))
+    told.walking(Spent(Stage.SCANS, 600, 0))
     after(told, clock, 30.0, Spent(Stage.DIRECTIONS, 0, 600))
     said = after(told, clock, 40.0, Spent(Stage.MINIMA, 100, 0))
     assert 40.0 < most_s(said) < 50.0
@@ -159,10 +159,10 @@ def test_a_batch_that_was_held_up_tells_nothing_of_the_others(
     told: Remaining, clock: Clock
 ) -> None:
     """200 at 0.1 s, then ten that took 100 s: not six minutes for the 680 that may follow."""
-    told.walking(Spent(Stage.WALKS, 100, 0))
-    after(told, clock, 10.0, Spent(Stage.WALKS, 200, 0))
-    after(told, clock, 20.0, Spent(Stage.WALKS, 210, 0))
-    assert 68.0 <= most_s(after(told, clock, 120.0, Spent(Stage.WALKS, 220, 0))) <= 100.0
+    told.walking(Spent(Stage.SCANS, 100, 0))
+    after(told, clock, 10.0, Spent(Stage.SCANS, 200, 0))
+    after(told, clock, 20.0, Spent(Stage.SCANS, 210, 0))
+    assert 68.0 <= most_s(after(told, clock, 120.0, Spent(Stage.SCANS, 220, 0))) <= 100.0
 
 
 def test_a_stage_that_takes_longer_is_given_a_quarter_more(told: Remaining, clock: Clock) -> None:
@@ -171,9 +171,9 @@ def test_a_stage_that_takes_longer_is_given_a_quarter_more(told: Remaining, cloc
 
 
 def test_no_time_is_told_of_a_pace_that_was_hardly_seen(told: Remaining, clock: Clock) -> None:
-    told.walking(Spent(Stage.WALKS, 400, 0))
-    assert after(told, clock, 1.0, Spent(Stage.WALKS, 500, 0)) == ""  # fast ones, for a second
-    assert after(told, clock, 10.0, Spent(Stage.WALKS, 600, 0)).endswith(" left")
+    told.walking(Spent(Stage.SCANS, 400, 0))
+    assert after(told, clock, 1.0, Spent(Stage.SCANS, 500, 0)) == ""  # fast ones, for a second
+    assert after(told, clock, 10.0, Spent(Stage.SCANS, 600, 0)).endswith(" left")
     hardly = Remaining(EXPECTED)
     hardly.searching(replace(LEVEL, evaluations=9, done=1, elapsed_s=0.9))
     assert hardly.left() == ""
@@ -183,15 +183,15 @@ def test_the_time_left_runs_down_while_estimates_waver_and_follows_what_they_say
     clock: Clock,
 ) -> None:
     """The paces that are seen would say 89, 88, 87.5 and 89 s."""
-    stages = {**EXPECTED.stages, Stage.WALKS: (0.0, 10_000.0), Stage.DIRECTIONS: (0.0, 0.0)}
+    stages = {**EXPECTED.stages, Stage.SCANS: (0.0, 10_000.0), Stage.DIRECTIONS: (0.0, 0.0)}
     told = Remaining(replace(EXPECTED, stages=stages), drawn=False, clock=clock)
     for k in range(10):
-        after(told, clock, float(k), Spent(Stage.WALKS, 100 * (k + 1), 0))
+        after(told, clock, float(k), Spent(Stage.SCANS, 100 * (k + 1), 0))
     counts = {10.0: 1100, 11.0: 1200, 12.0: 1250, 13.0: 1450}
-    said = [after(told, clock, at_s, Spent(Stage.WALKS, n, 0)) for at_s, n in counts.items()]
+    said = [after(told, clock, at_s, Spent(Stage.SCANS, n, 0)) for at_s, n in counts.items()]
     assert [most_s(words) for words in said] == [89.0, 88.0, 87.0, 86.0]
     # 200 in 27 s, where they took two
-    assert span_s(after(told, clock, 40.0, Spent(Stage.WALKS, 2050, 0))) == (0.0, 180.0)
+    assert span_s(after(told, clock, 40.0, Spent(Stage.SCANS, 2050, 0))) == (0.0, 180.0)
 
 
 def test_figures_are_counted_and_their_page(clock: Clock) -> None:
@@ -224,7 +224,7 @@ def test_over_a_whole_job_the_end_is_never_put_off(clock: Clock) -> None:
         look()
         clock.now_s += 10.0 * (done < 4)
     before = 0
-    for stage, count in ((Stage.MINIMA, 70), (Stage.WALKS, 200), (Stage.DIRECTIONS, 60)):
+    for stage, count in ((Stage.MINIMA, 70), (Stage.SCANS, 200), (Stage.DIRECTIONS, 60)):
         for k in range(0, count, 10):
             told.walking(Spent(stage, k + 10, before))
             look()

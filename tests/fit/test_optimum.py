@@ -15,8 +15,8 @@ from fitting.fit.likelihood.levenberg import Constraint, Expansion, expand
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.likelihood.optimum import (
     Optimum,
+    active_bounds_at,
     freedom_of,
-    held_at,
     inflation_of,
     most_likely,
     with_outputs,
@@ -88,7 +88,7 @@ def held(
         lambda p: np.array([p[0] + p[1] - wanted, p[1] - 1.0, 0.0]), 2, own=lambda p: p[0]
     )
     [here] = expand(evaluator, [np.array(x)])
-    return held_at(evaluator.likelihood, here, besides, **told)
+    return active_bounds_at(evaluator.likelihood, here, besides, **told)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_at_a_limit_is_within_a_millionth_of_the_box_whatever_its_unit(
     evaluator = in_box(lambda p: np.array([10.0 * (p[0] / half - 2.0 * side), 0.0]), 1, half)
     for share, limits in ((0.5e-6, (0,)), (2e-6, ())):
         [here] = expand(evaluator, [np.array([side * (1.0 - 2.0 * share) * half])])
-        assert held_at(evaluator.likelihood, here, ()) == limits
+        assert active_bounds_at(evaluator.likelihood, here, ()) == limits
 
 
 def test_a_held_output_counts_among_the_rows() -> None:
@@ -168,7 +168,7 @@ def held_beside(wanted: float, at: float, **limits: float) -> tuple[int, ...]:
     rows = whitened(lambda x: np.array([x[0] - wanted, x[1], 0.0]), p, q)
     evaluator = evaluator_of(rows)
     [here] = expand(evaluator, [np.array([at, 0.0])])
-    return held_at(evaluator.likelihood, here, ())
+    return active_bounds_at(evaluator.likelihood, here, ())
 
 
 def test_a_limit_holds_what_the_data_push_beyond_it() -> None:

@@ -46,7 +46,7 @@ BOLD, TIMID, GROWTH = 0.75, 0.25, 30.0
 #: Share of the foreseen gain, less one of chi square, from which slopes serve another step.
 TRUSTED = 0.7
 #: Chi square beyond the foreseen one from which the jump to a held value left the valley.
-ASTRAY = 20.0
+DIVERGED = 20.0
 #: Foreseen gain up to which a search that no step lowers has arrived all the same.
 STALLED = 1.0
 #: Share of a step over which the curvature of the rows along it is taken; shares of a parabola that
@@ -191,12 +191,12 @@ def minimise(
     Raises:
         FmuFailure: the model failed at more points than can be left out.
     """
-    held = constraints or [UNCONSTRAINED] * len(begins)
+    constraints = constraints or [UNCONSTRAINED] * len(begins)
     at_once = max(1, MOST_NUMBERS // max((b.matrix.size for b in begins), default=1))
     ended: list[Descent] = []
     for first in range(0, len(begins), at_once):
         some = slice(first, first + at_once)
-        pairs = zip(begins[some], held[some], strict=True)
+        pairs = zip(begins[some], constraints[some], strict=True)
         tasks = [_descent(evaluator.likelihood, b, c, goal) for b, c in pairs]
         ended += _side_by_side(evaluator, tasks, offsets[some])
     return ended
@@ -209,18 +209,18 @@ def _side_by_side(
 ) -> list[Answer]:
     """What tasks come to that are asked in common batches, less their offsets, in their order."""
     answers: dict[int, Answer] = {}
-    asked: dict[int, Request] = {}
+    requested: dict[int, Request] = {}
 
     def go_on(k: int, resume: Callable[[], Request]) -> None:
         try:
-            asked[k] = resume()
+            requested[k] = resume()
         except StopIteration as ended:
             answers[k] = ended.value
 
     for k, task in enumerate(tasks):
         go_on(k, task.__next__)
-    while asked:
-        requests, asked = asked, {}
+    while requested:
+        requests, requested = requested, {}
         try:
             batches = evaluator(list(requests.values()))
         except Exhausted:
@@ -230,7 +230,7 @@ def _side_by_side(
         for k, samples in zip(requests, batches, strict=True):
             if offsets:
                 samples = [Sample(s.x, s.rows - offsets[k], s.outputs) for s in samples]
-            go_on(k, lambda task=tasks[k], told=samples: task.send(told))  # type: ignore[misc]
+            go_on(k, lambda task=tasks[k], answer=samples: task.send(answer))  # type: ignore[misc]
     return [answers[k] for k in range(len(tasks))]
 
 
@@ -261,7 +261,7 @@ def _descent(
     is_stale = is_led = is_bent = False  # slopes wanted anew, taken on the way; the valley bends
     merits: list[float] = []
     try:
-        here, is_stale = yield from _brought(likelihood, here, constraint)
+        here, is_stale = yield from _projected(likelihood, here, constraint)
         while np.isfinite(here.chi_square) and damping <= MOST_DAMPING:
             merit = constraint.merit(here.sample)
             if merit <= goal.enough:
@@ -286,7 +286,7 @@ def _descent(
                     [last] = yield Request((here.x + step,), outputs=reads)
                     here = replace(here, sample=last) if constraint.merit(last) < merit else here
                 return Descent(here, reached=hope < STALLED)
-            if _is_hopeless([*merits, merit], taken, goal):
+            if _is_out_of_reach([*merits, merit], taken, goal):
                 return Descent(here, reached=False)
             if is_bent:
                 [probe] = yield Request((here.x + PROBE * step,), outputs=reads)
@@ -319,7 +319,7 @@ def _descent(
     return Descent(here, reached=damping > MOST_DAMPING and hope < STALLED)
 
 
-def _brought(
+def _projected(
     likelihood: Likelihood, here: Expansion, constraint: Constraint
 ) -> Task[tuple[Expansion, bool]]:
     """A held parameter at its value, the others following, whatever that costs.
@@ -334,7 +334,7 @@ def _brought(
         step, left = tangent.step(damping)
         [sample] = yield Request((here.x + step,), outputs=False)
         merit = constraint.merit(sample)
-        if merit <= left + ASTRAY or damping >= MOST_DAMPING:
+        if merit <= left + DIVERGED or damping >= MOST_DAMPING:
             break
         damping *= GROWTH**2
     is_straight = damping == LEAST_DAMPING and merit < left + 1.0
@@ -358,7 +358,7 @@ def _updated(likelihood: Likelihood, here: Expansion, sample: Sample) -> Expansi
     return Expansion(sample, matrix, outward, here.age + 1)
 
 
-def _is_hopeless(merits: Sequence[float], taken: int, goal: Goal) -> bool:
+def _is_out_of_reach(merits: Sequence[float], taken: int, goal: Goal) -> bool:
     """Whether no step is left, or too few for the wanted chi square at twice the pace of late."""
     if taken >= ITERATIONS:
         return True
@@ -373,7 +373,7 @@ class _Tangent:
 
     def __init__(self, likelihood: Likelihood, here: Expansion, constraint: Constraint) -> None:
         self.constraint, self.x, self.widths = constraint, here.x, likelihood.widths
-        self.rows, self.matrix = self._held(here.sample), here.matrix * self.widths
+        self.rows, self.matrix = self._rows_of(here.sample), here.matrix * self.widths
         if constraint.output >= 0:
             slope = np.nan_to_num(here.outward[constraint.output], posinf=0.0, neginf=0.0)
             self.matrix = np.vstack([self.matrix, constraint.weight * slope * self.widths])
@@ -388,7 +388,7 @@ class _Tangent:
         self.low = np.maximum(likelihood.lower - self.x, -longest) / self.widths
         self.high = np.minimum(likelihood.upper - self.x, longest) / self.widths
 
-    def _held(self, sample: Sample) -> FloatArray:
+    def _rows_of(self, sample: Sample) -> FloatArray:
         """The rows of a sample, that of a held output last."""
         if self.constraint.output < 0:
             return sample.rows
@@ -415,12 +415,12 @@ class _Tangent:
         """
         v = step / self.widths
         along = self.matrix @ v
-        excess = ((self._held(probe) - self.rows) / PROBE - along) / PROBE
+        excess = ((self._rows_of(probe) - self.rows) / PROBE - along) / PROBE
         if not np.all(np.isfinite(excess)):  # the model failed there: no curvature is known
             excess = np.zeros_like(along)
         # what stands at a bound and is pushed beyond it stays there
-        stands = (v == 0.0) & ((self.low >= 0.0) | (self.high <= 0.0))
-        w, free = np.zeros(v.size), self.free & ~stands
+        pinned = (v == 0.0) & ((self.low >= 0.0) | (self.high <= 0.0))
+        w, free = np.zeros(v.size), self.free & ~pinned
         w[free] = damped_step(self.matrix[:, free], excess, damping)
         shares = np.linspace(0.0, 1.0, SHARES + 1)[1:, None]
         steps = shares * v + shares**2 * w

@@ -294,9 +294,9 @@ class LikelihoodEvaluator:
         return self.spent / self.evaluations if self.evaluations else 1.0
 
     def _rows(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
-        return answered_apart(self._asked, xs, self._failed) if xs else []
+        return answered_apart(self._evaluated, xs, self._failed) if xs else []
 
-    def _asked(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
+    def _evaluated(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         self.evaluations += len(xs)
         self._tell()
         points = evaluate_many(self.likelihood.objective, xs)
@@ -306,10 +306,10 @@ class LikelihoodEvaluator:
 
     def _failed(self, x: FloatArray, failure: Exception) -> FloatArray:
         # a model that answers with nothing fits infinitely badly there, and has not failed
-        asked_for = in_box(self.likelihood.parameters, x) and not isinstance(failure, NoScale)
-        if asked_for and self.failures >= max(MOST_FAILURES, self.answered):
+        is_failure = in_box(self.likelihood.parameters, x) and not isinstance(failure, NoScale)
+        if is_failure and self.failures >= max(MOST_FAILURES, self.answered):
             raise failure
-        self.failures += asked_for
+        self.failures += is_failure
         return np.full(self.likelihood.data_rows + x.size, np.nan)
 
     def _outputs(self, xs: Sequence[FloatArray]) -> list[FloatArray]:

@@ -36,7 +36,7 @@ TOO_LARGE_P = 0.05
 #: is gone on with where they are: then it had been stuck.
 MISSED, ONCE_MORE = 0.1, 3
 #: Gain in chi square, were a bound not there, from which the bound is active.
-HELD = 0.1
+ACTIVE = 0.1
 #: Times that noise is taken anew from the residuals that it leaves, and the change that is none.
 SCATTER_ROUNDS, SAME_SCATTER = 4, 1e-3
 #: Relative error of a slope by forward differences, at most.
@@ -100,12 +100,12 @@ class Optimum:
         likelihood, m = self.likelihood, self.likelihood.data_rows
         if np.isinf(self.noise_freedom) or not np.all(np.isfinite(slope)):
             return self.noise_freedom
-        told = likelihood.scatter if likelihood.inflation == 1.0 else np.ones(m)
+        stated_dof = likelihood.scatter if likelihood.inflation == 1.0 else np.ones(m)
         here = Linearisation(
             rows=self.expansion.sample.rows[:m],
             matrix=self.expansion.matrix[:m],
             prior=np.ones(slope.size),
-            scatter=told,
+            scatter=stated_dof,
             freedom=self.noise_freedom,
         )
         return here.freedom_of(slope, covariance)
@@ -128,14 +128,14 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
         FmuFailure: the model failed at the first start.
     """
     stated = evaluator.likelihood
-    found = _judged(evaluator, starts)
+    result = _with_noise(evaluator, starts)
     for _ in range(ONCE_MORE):
-        if found.data_square > found.chi_square - MISSED:
+        if result.data_square > result.chi_square - MISSED:
             break
         evaluator.likelihood = stated
-        found = _judged(evaluator, [found.expansion.x])
+        result = _with_noise(evaluator, [result.expansion.x])
     with evaluator.beyond_limit():  # outputs and their slopes rest on it
-        return replace(found, expansion=with_outputs(evaluator, found.expansion))
+        return replace(result, expansion=with_outputs(evaluator, result.expansion))
 
 
 def with_outputs(evaluator: LikelihoodEvaluator, here: Expansion) -> Expansion:
@@ -155,7 +155,7 @@ def with_outputs(evaluator: LikelihoodEvaluator, here: Expansion) -> Expansion:
     return replace(here, sample=sample, outward=outward)
 
 
-def _judged(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Optimum:
+def _with_noise(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Optimum:
     """The lowest end of some descents, gone on from with wider noise where it wants that."""
     best, converged = _best_of(evaluator, starts)
     best, converged, noise_freedom = _with_own_scatter(evaluator, best, converged)
@@ -163,8 +163,8 @@ def _judged(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Opt
     data = best.sample.rows[: likelihood.data_rows]
     chi_square = float(data @ data)
     free = freedom_of(likelihood, best)
-    told = likelihood.objective.data.noise_freedom
-    inflation = inflation_of(chi_square, free, noise_freedom=told)
+    stated_dof = likelihood.objective.data.noise_freedom
+    inflation = inflation_of(chi_square, free, noise_freedom=stated_dof)
     if inflation > 1.0:
         noise_freedom = free
         evaluator.likelihood = replace(likelihood, inflation=inflation)
@@ -210,7 +210,7 @@ def _with_own_scatter(
     return best, converged, freedom
 
 
-def held_at(
+def active_bounds_at(
     likelihood: Likelihood,
     here: Expansion,
     besides: Sequence[int],
@@ -248,14 +248,14 @@ def held_at(
     free[list(besides)] = False
     damped = np.vstack([matrix, np.sqrt(LEAST_DAMPING) * np.eye(free.size)])
     basis, _ = np.linalg.qr(damped[:, free])
-    held = []
+    active = []
     for i in map(int, np.flatnonzero(movable)):
         column = damped[:, i] - basis @ (basis.T @ damped[:, i])
         slope = float(column[: rows.size] @ rows)
         pushed = slope > blur[i] if below[i] else slope < -blur[i]
-        if i not in besides and pushed and slope**2 > HELD * float(column @ column):
-            held.append(i)
-    return tuple(held)
+        if i not in besides and pushed and slope**2 > ACTIVE * float(column @ column):
+            active.append(i)
+    return tuple(active)
 
 
 def _best_of(
@@ -265,7 +265,7 @@ def _best_of(
     # whatever begins later begins where something was found, which is not to be lost
     with evaluator.beyond_limit() if evaluator.evaluations else nullcontext():
         try:
-            begun = expand(evaluator, starts, outputs=False)
+            started = expand(evaluator, starts, outputs=False)
         except Exhausted:
             least = len(starts) * (len(evaluator.likelihood.parameters) + 1)
             raise OutOfBudget(
@@ -274,11 +274,11 @@ def _best_of(
             ) from None
     # all else is counted from here: closer than what is no longer worth a step elsewhere
     goal = Goal(promise=0.1 * PROMISE)
-    ended = minimise(evaluator, begun, goal=goal)
+    ended = minimise(evaluator, started, goal=goal)
     lowest = ended[0]
-    for found in ended[1:]:
-        if found.chi_square < lowest.chi_square - PROMISE:
-            lowest = found
+    for result in ended[1:]:
+        if result.chi_square < lowest.chi_square - PROMISE:
+            lowest = result
     for _ in range(ONCE_MORE):  # a long valley takes more steps than a search has
         if lowest.reached or lowest.is_cut or not np.isfinite(lowest.chi_square):
             break

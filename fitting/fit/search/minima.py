@@ -59,7 +59,7 @@ ROUGH = 10.0
 #: Decrease of chi square that counts as something lower, and as a share of it.
 WORTH, WORTH_SHARE = 1.0, 1e-2
 #: Chi square of a minimum by few places, in units of the least, from which nothing goes on.
-HOPELESS = 2.0
+HIGHER = 2.0
 #: Probability of the least chi square of few places below which all are searched instead.
 HARDLY_P = 1e-6
 #: Ends closer than this share of the box are one minimum, if their chi squares are one, too.
@@ -162,7 +162,7 @@ def search_box(
 
 def _promising(likelihood: Likelihood, scouted: Search) -> list[FloatArray]:
     """Minima by few places that are not far above the lowest of them."""
-    enough = HOPELESS * scouted.minima[0].chi_square + own_gain(likelihood)
+    enough = HIGHER * scouted.minima[0].chi_square + own_gain(likelihood)
     return [minimum.x for minimum in scouted.minima if minimum.chi_square <= enough]
 
 
@@ -330,8 +330,8 @@ def _is_explained(
     m = likelihood.data_rows
     rows = end.sample.rows[:m]
     free = freedom_of(likelihood, end)
-    told = likelihood.objective.data.noise_freedom
-    return inflation_of(float(rows @ rows), free, least_p, told) == 1.0
+    noise_dof = likelihood.objective.data.noise_freedom
+    return inflation_of(float(rows @ rows), free, least_p, noise_dof) == 1.0
 
 
 def _apart(

@@ -38,7 +38,7 @@ from fitting.fit.likelihood.optimum import most_likely
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
-from fitting.inference.equivalent_fits import turned_to
+from fitting.inference.equivalent_fits import nearest_image
 from fitting.inference.solved import Solved
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import BoolArray, FloatArray
@@ -340,7 +340,7 @@ def _shifts(
 
     before = {p.name: float(value) for p, value in zip(parameters, here, strict=True)}
     after = {
-        p.name: turned_to(float(value), float(old), p.period)
+        p.name: nearest_image(float(value), float(old), p.period)
         for p, value, old in zip(parameters, there, here, strict=True)
     }
     before |= outputs(solution.objective, x)

@@ -35,7 +35,7 @@ def try_ends(shared: Shared, open_: Sequence[tuple[Quantity, int]]) -> list[tupl
     """
     rest = [(q, side) for q, side in open_ if not q.is_periodic]
     reached: list[tuple[Quantity, int]] = []
-    tried: set[tuple[Key, bytes]] = set()
+    attempted: set[tuple[Key, bytes]] = set()
     for attempt in range(ATTEMPTS + 1):
         there = {q.key(side) for q, side in rest if is_reached(shared, q, side)}
         reached += [(q, side) for q, side in rest if q.key(side) in there]
@@ -48,7 +48,7 @@ def try_ends(shared: Shared, open_: Sequence[tuple[Quantity, int]]) -> list[tupl
         if not again or attempt == ATTEMPTS:
             break
         try:
-            begins = _begins(shared, again, tried, brought=bool(attempt % 2))
+            begins = _begins(shared, again, attempted, projected=bool(attempt % 2))
             if not begins:
                 continue
             places = expand(shared.evaluator, [x for _, _, x in begins])
@@ -62,9 +62,9 @@ def try_ends(shared: Shared, open_: Sequence[tuple[Quantity, int]]) -> list[tupl
 def _begins(
     shared: Shared,
     sides: Sequence[tuple[Quantity, int]],
-    tried: set[tuple[Key, bytes]],
+    attempted: set[tuple[Key, bytes]],
     *,
-    brought: bool,
+    projected: bool,
 ) -> list[tuple[Quantity, int, FloatArray]]:
     """Where searches for fits at the ends begin, one for each side: the best of known points there.
 
@@ -78,21 +78,21 @@ def _begins(
     begins: list[tuple[Quantity, int, FloatArray]] = []
     for q, side in sides:
         limit = (q.low, q.high)[side]
-        if q.index < 0 and not brought:
+        if q.index < 0 and not projected:
             values = [q.best, *(q.of(p.at.sample, shared.periods) for p in fitting)]
             order = np.argsort(np.abs(np.array(values) - limit), kind="stable")
-            new = [known[k] for k in order if (q.key(side), known[k].tobytes()) not in tried]
+            new = [known[k] for k in order if (q.key(side), known[k].tobytes()) not in attempted]
             begins += [(q, side, x) for x in new[:1]]
             continue
         if q.index >= 0:
             moved, end = np.arange(here.x.size) == q.index, np.full(here.x.size, limit)
         else:
             range_ = shared.ranges[q.name]
-            moved = _brought(shared, q)
+            moved = _movable(shared, q)
             end = np.asarray((range_.x_low, range_.x_high)[side])
         if np.all(np.isfinite(end[moved])):
             mine = {x.tobytes(): x for x in (np.where(moved, end, x) for x in known)}
-            new = [x for key, x in mine.items() if (q.key(side), key) not in tried]
+            new = [x for key, x in mine.items() if (q.key(side), key) not in attempted]
             places += [(q, side, x) for x in new[:CANDIDATES]]
     best: dict[Key, tuple[float, FloatArray]] = {}
     if places:
@@ -105,14 +105,14 @@ def _begins(
     for q, side in sides:
         if q.key(side) in best:
             begins.append((q, side, best[q.key(side)][1]))
-    tried |= {(q.key(side), x.tobytes()) for q, side, x in begins}
+    attempted |= {(q.key(side), x.tobytes()) for q, side, x in begins}
     return begins
 
 
-def _brought(shared: Shared, q: Quantity) -> BoolArray:
+def _movable(shared: Shared, q: Quantity) -> BoolArray:
     """What an output depends on and no prior holds: that is best where the data have it, (n,)."""
-    held = shared.optimum.likelihood.inverse_prior_sigma > 0.0
-    return np.asarray(shared.ranges[q.name].depends & ~held)
+    constraints = shared.optimum.likelihood.inverse_prior_sigma > 0.0
+    return np.asarray(shared.ranges[q.name].depends & ~constraints)
 
 
 def is_reached(shared: Shared, q: Quantity, side: int) -> bool:
@@ -131,20 +131,22 @@ def _reached(
 
     With `frozen` what an output depends on stays where it was brought.
     """
-    held = []
+    constraints = []
     for q, side, _ in begins:
         limit = (q.low, q.high)[side]
         if q.output >= 0 and frozen:
-            moved = _brought(shared, q)
-            held.append(Constraint(target=limit, frozen=tuple(map(int, np.flatnonzero(moved)))))
+            moved = _movable(shared, q)
+            constraints.append(
+                Constraint(target=limit, frozen=tuple(map(int, np.flatnonzero(moved))))
+            )
         else:
-            held.append(q.held(limit, (limit - q.best) / STEPS))
+            constraints.append(q.constraint(limit, (limit - q.best) / STEPS))
     goal = Goal(
         enough=shared.optimum.least + ENOUGH,
         wanted=shared.optimum.least + max(reach(ROOT_95, q.freedom) ** 2 for q, _, _ in begins),
         confirmed=False,
     )
-    ends = minimise(shared.evaluator, places, held, goal)
+    ends = minimise(shared.evaluator, places, constraints, goal)
     shared.is_spent = shared.is_spent or any(end.is_cut for end in ends)
     return [shared.point(q, end.end) for (q, _, _), end in zip(begins, ends, strict=True)]
 

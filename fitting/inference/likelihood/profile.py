@@ -84,7 +84,7 @@ class Quantity:
         """Of one of its sides; outputs may have the name of a parameter."""
         return self.index, self.output, side
 
-    def held(self, target: float, step: float) -> Constraint:
+    def constraint(self, target: float, step: float) -> Constraint:
         """What holds it at a target that is a step away."""
         if self.index >= 0:
             return Constraint(target=target, index=self.index)

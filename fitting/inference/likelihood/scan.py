@@ -28,7 +28,7 @@ import numpy as np
 
 from fitting.fit.likelihood.levenberg import Constraint, Descent, Expansion, Goal, expand, minimise
 from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
-from fitting.fit.likelihood.optimum import Optimum, held_at
+from fitting.fit.likelihood.optimum import Optimum, active_bounds_at
 from fitting.fit.likelihood.samples import Exhausted, Request, Sample
 from fitting.fit.search.twins import Twin
 from fitting.inference.likelihood.ends import is_reached, open_side, try_ends
@@ -84,30 +84,32 @@ def scanned(
     wanted = tuple(q for q in every if not only or q.name in only)
     shared = Shared(evaluator, optimum, ranges, [_point(optimum, m) for m in minima], twins)
     sides: dict[Key, Side] = {}
-    begun = verify(shared, wanted, sides)
-    sought = list(wanted)
+    started = verify(shared, wanted, sides)
+    searched = list(wanted)
     if len(sides) < 2 * len(wanted):
         # a valley that one value's scan does not come to lies on the way of another's
         own = {p.name for p in optimum.likelihood.parameters if p.experiments}
         others = [q for q in every if q not in wanted and q.name not in own]
-        begun |= verify(shared, others, sides)
-        sought += others
-    open_ = [(q, side) for q in sought for side in (0, 1) if q.key(side) not in sides]
+        started |= verify(shared, others, sides)
+        searched += others
+    open_ = [(q, side) for q in searched for side in (0, 1) if q.key(side) not in sides]
     for q, side in try_ends(shared, open_):
         sides[q.key(side)] = open_side(shared, q, side)
-    walks = [_Walk(shared, q, s, begun.get(q.key(s))) for q, s in open_ if q.key(s) not in sides]
-    _run(shared, walks)
-    _go_on(shared, sought, sides, walks)
-    for walk in walks:
-        q, side = walk.quantity, walk.side
+    scans = [
+        _SideScan(shared, q, s, started.get(q.key(s))) for q, s in open_ if q.key(s) not in sides
+    ]
+    _run(shared, scans)
+    _extend(shared, searched, sides, scans)
+    for scan in scans:
+        q, side = scan.quantity, scan.side
         # another scan may have come to the end that this one did not reach
         is_open = not q.is_periodic and is_reached(shared, q, side)
-        sides[q.key(side)] = open_side(shared, q, side) if is_open else walk.ended()
+        sides[q.key(side)] = open_side(shared, q, side) if is_open else scan.ended()
     known = {key: replace(side, points=shared.read(side.points)) for key, side in sides.items()}
     return Scans(
         optimum=optimum,
         quantities=wanted,
-        sides={q.name: (known[q.key(0)], known[q.key(1)]) for q in sought},
+        sides={q.name: (known[q.key(0)], known[q.key(1)]) for q in searched},
         minima=tuple(shared.minima),
         shared=tuple(shared.fitting()),
         ranges=ranges,
@@ -119,7 +121,7 @@ def _point(optimum: Optimum, sample: Sample) -> ScanPoint:
     return ScanPoint(value=math.nan, delta=optimum.delta(float(sample.rows @ sample.rows)), at=at)
 
 
-class _Walk:
+class _SideScan:
     """A scan of one side: its points outward inside the threshold, the first one outside."""
 
     def __init__(
@@ -141,7 +143,7 @@ class _Walk:
         self.active: tuple[int, ...] = ()
         self.target, self.begin = math.nan, shared.optimum.expansion
 
-    def go_on_from(self, point: ScanPoint) -> None:
+    def extend_from(self, point: ScanPoint) -> None:
         """Scan on from a point that fits beyond the crossing."""
         self.points += [p for p in (*self.inside, self.outside) if p is not None]
         self.inside, self.outside, self.closed = [point], None, ""
@@ -216,9 +218,11 @@ class _Walk:
         """The data close the side between two points, or bounds of others do."""
         near = inside if ROOT_95 - inside.root < outside.root - ROOT_95 else outside
         besides = [self.quantity.index] if self.quantity.index >= 0 else []
-        held = self.quantity.held(near.value, outside.value - inside.value)
+        constraints = self.quantity.constraint(near.value, outside.value - inside.value)
         likelihood = self.shared.optimum.likelihood
-        self.active = tuple({*self.active, *held_at(likelihood, near.at, besides, held)})
+        self.active = tuple(
+            {*self.active, *active_bounds_at(likelihood, near.at, besides, constraints)}
+        )
         self.closed = by_data_or_priors(self.shared, outside)
         if math.isnan(self.first95):
             self.first95 = crossing(inside, outside, ROOT_95)
@@ -227,7 +231,7 @@ class _Walk:
         """What holds the quantity at the target."""
         start = self.quantity.of(self.begin.sample, self.shared.periods)
         step = self.target - (start if math.isfinite(start) else self.last.value)
-        return self.quantity.held(self.target, step or self.target - self.last.value)
+        return self.quantity.constraint(self.target, step or self.target - self.last.value)
 
     def take(self, end: Descent) -> None:
         """Go on with where a search ended."""
@@ -262,12 +266,12 @@ class _Walk:
 
     def _next_step(self, point: ScanPoint) -> float:
         """To the next threshold by the slope of sqrt(Dchi^2), which is straight at best."""
-        gone, rise = abs(point.value - self.last.value), point.root - self.last.root
+        moved, rise = abs(point.value - self.last.value), point.root - self.last.root
         mark = ROOT_68 if point.root < 0.9 * ROOT_68 else ROOT_95
-        if not (gone > 0.0 and rise > 0.0):
-            return 2.0 * max(gone, self.step)
+        if not (moved > 0.0 and rise > 0.0):
+            return 2.0 * max(moved, self.step)
         return float(
-            np.clip((mark + 0.5 * CLOSE - point.root) * gone / rise, 0.2 * gone, 3.0 * gone)
+            np.clip((mark + 0.5 * CLOSE - point.root) * moved / rise, 0.2 * moved, 3.0 * moved)
         )
 
     def ended(self) -> Side:
@@ -305,116 +309,116 @@ def crossing(inside: ScanPoint, outside: ScanPoint, root: float) -> float:
     return inside.value + share * (outside.value - inside.value)
 
 
-def _run(shared: Shared, walks: Sequence[_Walk]) -> None:
+def _run(shared: Shared, scans: Sequence[_SideScan]) -> None:
     """Rounds in which every scan goes one point on, in common batches.
 
     Searches go on by updated slopes; near and beyond the threshold a minimum is confirmed by
     slopes that are taken there.
     """
     for _ in range(ROUNDS):
-        for walk in walks:
-            q = walk.quantity
-            if not (walk.closed or q.is_periodic or walk.outside) and is_reached(
-                shared, q, walk.side
+        for scan in scans:
+            q = scan.quantity
+            if not (scan.closed or q.is_periodic or scan.outside) and is_reached(
+                shared, q, scan.side
             ):
-                walk.closed = "bound"
-        active = [walk for walk in walks if not walk.closed and walk.aim()]
+                scan.closed = "bound"
+        active = [scan for scan in scans if not scan.closed and scan.aim()]
         if not active:
             return
-        fresh = [walk for walk in active if walk.wants_slopes]
-        _predict(shared, [walk for walk in active if not walk.wants_slopes])
+        fresh = [scan for scan in active if scan.wants_slopes]
+        _predict(shared, [scan for scan in active if not scan.wants_slopes])
         try:
-            slopes = expand(shared.evaluator, [walk.begin.x for walk in fresh]) if fresh else []
+            slopes = expand(shared.evaluator, [scan.begin.x for scan in fresh]) if fresh else []
         except Exhausted:
-            for walk in active:
-                walk.closed = "budget"
+            for scan in active:
+                scan.closed = "budget"
             return
-        for walk, at in zip(fresh, slopes, strict=True):
-            walk.begin, walk.wants_slopes = at, False
-        held = [walk.constraint() for walk in active]
+        for scan, at in zip(fresh, slopes, strict=True):
+            scan.begin, scan.wants_slopes = at, False
+        constraints = [scan.constraint() for scan in active]
         goal = Goal(
             enough=shared.optimum.least + INSIDE,
             wanted=shared.optimum.least + reach(FAR, shared.optimum.noise_freedom) ** 2,
             confirmed=False,
         )
-        ends = minimise(shared.evaluator, [walk.begin for walk in active], held, goal)
+        ends = minimise(shared.evaluator, [scan.begin for scan in active], constraints, goal)
         near = [
             k
-            for k, (walk, end) in enumerate(zip(active, ends, strict=True))
+            for k, (scan, end) in enumerate(zip(active, ends, strict=True))
             if not end.is_cut
             and (end.end.age or not end.reached)
-            and ROOT_95 - CONFIRMED <= shared.point(walk.quantity, end.end).root <= FAR
+            and ROOT_95 - CONFIRMED <= shared.point(scan.quantity, end.end).root <= FAR
         ]
         if near:
             confirmed = minimise(
-                shared.evaluator, [ends[k].end for k in near], [held[k] for k in near]
+                shared.evaluator, [ends[k].end for k in near], [constraints[k] for k in near]
             )
             for k, end in zip(near, confirmed, strict=True):
                 ends[k] = end
-        for walk, end in zip(active, ends, strict=True):
-            walk.take(end)
+        for scan, end in zip(active, ends, strict=True):
+            scan.take(end)
 
 
-def _predict(shared: Shared, walks: Sequence[_Walk]) -> None:
+def _predict(shared: Shared, scans: Sequence[_SideScan]) -> None:
     """Searches begin where the last two points of their scans lead to, if that is not far off."""
     likelihood = shared.optimum.likelihood
-    led: list[tuple[_Walk, FloatArray]] = []
-    for walk in walks:
-        if walk.begin is walk.last.at and len(walk.inside) > 1:
-            one, other = walk.inside[-2:]
-            share = (walk.target - other.value) / (other.value - one.value)
+    led: list[tuple[_SideScan, FloatArray]] = []
+    for scan in scans:
+        if scan.begin is scan.last.at and len(scan.inside) > 1:
+            one, other = scan.inside[-2:]
+            share = (scan.target - other.value) / (other.value - one.value)
             x = np.clip(other.x + share * (other.x - one.x), likelihood.lower, likelihood.upper)
-            led.append((walk, x))
+            led.append((scan, x))
     if not led:
         return
     try:
-        requests = [Request((x,), outputs=walk.quantity.output >= 0) for walk, x in led]
+        requests = [Request((x,), outputs=scan.quantity.output >= 0) for scan, x in led]
         answers = shared.evaluator(requests)
     except Exhausted:
         return
-    for (walk, _), [sample] in zip(led, answers, strict=True):
+    for (scan, _), [sample] in zip(led, answers, strict=True):
         square = float(sample.rows @ sample.rows)
         if math.isfinite(square) and shared.optimum.delta(square) < FAR**2:
-            walk.begin = replace(walk.begin, sample=sample, age=walk.begin.age + 1)
+            scan.begin = replace(scan.begin, sample=sample, age=scan.begin.age + 1)
 
 
-def _go_on(
-    shared: Shared, wanted: Sequence[Quantity], sides: dict[Key, Side], walks: list[_Walk]
+def _extend(
+    shared: Shared, wanted: Sequence[Quantity], sides: dict[Key, Side], scans: list[_SideScan]
 ) -> None:
     """Scans go on from the farthest point in hand that fits and lies beyond where they ended."""
     for _ in range(EXTENSIONS):
         fitting = shared.fitting()
-        going: list[_Walk] = []
+        going: list[_SideScan] = []
         for q in wanted:
             for side, sign in ((0, -1.0), (1, 1.0)):
-                walk = next((w for w in walks if w.quantity is q and w.side == side), None)
-                known = sides.get(q.key(side)) if walk is None else walk.ended()
+                scan = next((w for w in scans if w.quantity is q and w.side == side), None)
+                known = sides.get(q.key(side)) if scan is None else scan.ended()
                 if known is None or known.closed in ("bound", "periodic"):
                     continue
                 is_crossed = known.closed in ("data", "prior")
-                end = known.end95 if is_crossed or walk is None else walk.last.value
+                end = known.end95 if is_crossed or scan is None else scan.last.value
                 margin = BEYOND * abs(end - q.best) + 1e-9 * q.width
                 beyond = [(sign * (q.of(p.at.sample, shared.periods) - end), p) for p in fitting]
                 beyond = [(gap, p) for gap, p in beyond if gap > margin]
                 if not beyond:
                     continue
                 point = max(beyond, key=lambda each: each[0])[1]
-                if walk is None:
-                    walk = _Walk(shared, q, side, None)
-                    walk.first95 = known.own95
-                    walk.points += list(known.points)
-                    walks.append(walk)
+                if scan is None:
+                    scan = _SideScan(shared, q, side, None)
+                    scan.first95 = known.own95
+                    scan.points += list(known.points)
+                    scans.append(scan)
                     del sides[q.key(side)]
-                walk.go_on_from(replace(point, value=q.of(point.at.sample, shared.periods)))
-                going.append(walk)
+                scan.extend_from(replace(point, value=q.of(point.at.sample, shared.periods)))
+                going.append(scan)
         if not going:
             return
         try:
-            begun = expand(shared.evaluator, [walk.last.x for walk in going])
+            started = expand(shared.evaluator, [scan.last.x for scan in going])
         except Exhausted:
-            for walk in going:
-                walk.closed = "budget"
+            for scan in going:
+                scan.closed = "budget"
             return
-        for walk, at in zip(going, begun, strict=True):
-            walk.inside[-1] = replace(walk.last, at=at)
+        for scan, at in zip(going, started, strict=True):
+            scan.inside[-1] = replace(scan.last, at=at)
         _run(shared, going)

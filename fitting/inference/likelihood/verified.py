@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fitting.fit.likelihood.levenberg import UNCONSTRAINED, Expansion
-from fitting.fit.likelihood.optimum import held_at
+from fitting.fit.likelihood.optimum import active_bounds_at
 from fitting.fit.likelihood.samples import Exhausted, Request
 from fitting.inference.likelihood.profile import Key, Quantity, ScanPoint, Side, data_covariance
 from fitting.inference.likelihood.shared import Shared, by_data_or_priors, with_simulation
@@ -48,19 +48,19 @@ def verify(
     except Exhausted:
         shared.is_spent = True
         return {}
-    found: dict[Key, list[tuple[Expansion, bool]]] = {}
+    predicted: dict[Key, list[tuple[Expansion, bool]]] = {}
     for (q, side, root, _), [sample] in zip(tried, answers, strict=True):
         at = Expansion(sample, here.matrix, here.outward, age=1)
-        found.setdefault(q.key(side), []).append((at, _agrees(shared, q, side, root, at)))
+        predicted.setdefault(q.key(side), []).append((at, _agrees(shared, q, side, root, at)))
     for q in wanted:
         for side in (0, 1):
-            both = found.get(q.key(side), [])
+            both = predicted.get(q.key(side), [])
             points = [shared.point(q, at) for at, _ in both]
             # a scan accepts what its search has followed; these, what stored slopes have followed
             shared.accept([p for p, (_, agrees) in zip(points, both, strict=True) if agrees])
             if both and all(agrees for _, agrees in both) and not _is_other_there(shared, q, side):
                 sides[q.key(side)] = _verified(shared, q, side, points)
-    return {key: [at for at, _ in both] for key, both in found.items()}
+    return {key: [at for at, _ in both] for key, both in predicted.items()}
 
 
 def _agrees(shared: Shared, q: Quantity, side: int, root: float, at: Expansion) -> bool:
@@ -92,8 +92,8 @@ def _agrees(shared: Shared, q: Quantity, side: int, root: float, at: Expansion) 
     if gain > FOLLOWED * foreseen:
         return False
     besides = [q.index] if q.index >= 0 else []
-    held = q.held(value, step) if q.output >= 0 else UNCONSTRAINED
-    return not held_at(optimum.likelihood, at, besides, held)
+    constraint = q.constraint(value, step) if q.output >= 0 else UNCONSTRAINED
+    return not active_bounds_at(optimum.likelihood, at, besides, constraint)
 
 
 def _is_other_there(shared: Shared, q: Quantity, side: int) -> bool:
