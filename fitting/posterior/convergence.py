@@ -33,9 +33,10 @@ from fitting.posterior.minima import Target
 from fitting.posterior.periods import value_in_period
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import SLACK
 from fitting.text.finding import Finding, Kind
 
+#: Share of the distance between two bounds by which a value at one of them may lie beyond it.
+SLACK = 1e-6
 #: A window of so many correlation times, beyond which there is noise alone.
 WINDOW = 5.0
 #: Share of the profile's interval within which a draw has to be.

@@ -138,7 +138,7 @@ def with_values(
         withdrawn: whether values that are withdrawn are listed with their reason.
     """
     values, limits, left = [], [], dict[str, FittedEstimate]()
-    statuses: set[Verdict | None] = set()  # None: of a value that is not the profile's, or beyond
+    statuses: set[Verdict | None] = set()  # None: of a value that is not the profile's
     for name, result in every.items():
         others = (name, *(other for other, first in same.items() if first == name))
         symbols = tuple(map(sign, others))
@@ -153,7 +153,7 @@ def with_values(
                 limits.append(Printed(name=name, symbols=symbols, text=limit, remark=remark))
             continue
         values.append(printed)
-        plain = by_line(name, result, line) is None and math.isnan(result.bound_passed)
+        plain = by_line(name, result, line) is None
         statuses.add(result.status if plain else None)
         if plain and result.status is Verdict.SEVERAL:
             left[name] = result
@@ -200,8 +200,7 @@ def _value(
         return Printed(name=name, symbols=symbols, text=text, remark=remark)
     if not result.status.has_value or result.status is Verdict.BOUNDED:
         return None
-    beyond = not math.isnan(result.bound_passed)
-    text = result.likely_words if beyond else phrase("values", "reported", result)
+    text = phrase("values", "reported", result)
     return Printed(name=name, symbols=symbols, text=text, remark=phrase("values", "remark", result))
 
 

@@ -20,8 +20,6 @@ Interval = tuple[float, float]
 NOWHERE: Interval = (math.nan, math.nan)
 #: Share of a period from which an interval is all of it: ends are counted in other units.
 ALL_ROUND = 1.0 - 1e-9
-#: Share of the distance between two bounds by which a value at one of them may lie beyond it.
-SLACK = 1e-6
 #: Ends of an interval.
 SIDES = ("low", "high")
 #: Names of 0.2.0, which work with a warning until 0.4, and those of now.
@@ -43,7 +41,6 @@ RENAMED = {
     "profile": "scan",
     "delta": "delta_chi2",
     **{f"{side}{level}": f"ci{level} {side}" for level in (68, 95) for side in SIDES},
-    "box_end": "bound_passed",
 }
 #: What a value is of.
 Role = Literal["parameter", "derived", "offset"]
@@ -271,11 +268,6 @@ class FittedEstimate(Estimate):
             self.value + turn < low or self.value + turn > high for turn in turns
         )
 
-    @property
-    def bound_passed(self) -> float:
-        """The bound of a parameter beyond which its most likely value lies; NaN: within both."""
-        return math.nan
-
     def in_unit(self, unit: str, factor: float) -> Self:
         """The value in another unit.
 
@@ -342,16 +334,6 @@ class ParameterEstimate(FittedEstimate):
     role: Role = "parameter"
     start: float = math.nan
     asked: bool = True
-
-    @property
-    def bound_passed(self) -> float:
-        """The bound beyond which its most likely value lies; NaN: within both."""
-        slack = SLACK * (self.upper - self.lower)
-        if self.period is not None or not self.asked or not math.isfinite(self.likely):
-            return math.nan
-        if self.likely > self.upper + slack:
-            return self.upper
-        return self.lower if self.likely < self.lower - slack else math.nan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -386,25 +386,6 @@ def test_two_outputs_that_are_one_number_are_printed_once(result: Result) -> Non
         assert (("f₁", "f₂") in symbols) is once
 
 
-@pytest.mark.parametrize("reported", ["likelihood", "algorithm2"])
-def test_a_value_beyond_its_bound_is_that_of_the_data(result: Result, reported: str) -> None:
-    """93.42 ± 0.24 Hz with an upper bound of 90 Hz, where Algorithm 2 ended."""
-    d1 = result.parameters["d1"]
-    out = replace(d1, upper=90.0, algorithm2=90.0, most_likely=d1.value)
-    if reported == "algorithm2":
-        out = replace(out, value=90.0)
-    there = replace(
-        result, parameters={**result.parameters, "d1": out}, line=None, status=Status.CONVERGED
-    )
-    assert shown(there, "d1") == "d₁ 93.42 ± 0.24 Hz (beyond its bound, 90 Hz)"
-    assert summary_of(there).advice.startswith("widen the bounds of d₁ (to 93.")
-    [row] = [
-        row for row in table_of("intervals", result=there, ends=False).rows if row[0].text == "d1"
-    ]
-    assert any("beyond" in cell.text and "90 Hz" in cell.text for cell in row)
-    assert "beyond" not in shown(replace(result, line=None), "d1")
-
-
 def test_the_details_hold_every_finding_once(result: Result) -> None:
     found = (warning(Kind.drift_exchanged), warning(Kind.not_periodic, numbers={"error": 0.1}))
     text = " ".join(detail_lines(replace(result, findings=found)))
