@@ -305,9 +305,8 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
     adequacy = None if knowledge is None else knowledge.adequacy
     held = _held_by_bounds(result)
     if status != "converged":
-        if held and (adequacy is None or not adequacy.rival):
-            return phrase("next", "wider_bounds", held, False), ""
-        return phrase("next", "other_model", adequacy), ""
+        words = ("wider_bounds", held, False) if held else ("other_model", adequacy)
+        return phrase("next", *words), ""
     if held:
         return phrase("next", "wider_bounds", held, True), ""
     if knowledge is None:

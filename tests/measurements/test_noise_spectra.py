@@ -226,6 +226,7 @@ def test_a_bound_that_holds_a_width_is_named_and_no_model_is_blamed_alone(fmu: f
     assert math.isnan(found["d1"].std)
     [bound] = of_kind(found.findings, Kind.at_bound)
     assert (bound.subject, bound.numbers["bound"]) == ("d1", 0.5 * width)
+    assert bound.severity == "warning"
     assert summary_of(found.result).advice == phrase("next", "wider_bounds", ["d₁"], False)
 
 

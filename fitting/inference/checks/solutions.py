@@ -151,7 +151,9 @@ def check_bounds(solved: Solved) -> Iterator[Finding]:
         at_bound = abs(p - bound) <= parameter.near(bound, ON_BOUND)
         names = {"unit": (parameter.unit,)}
         numbers = {"value": p, "bound": bound, "at_bound": float(at_bound)}
-        yield note(Kind.at_bound, parameter.name, names, **numbers)
+        # where the model fails as well, the bound may be why
+        report = note if solved.describes or not at_bound else warning
+        yield report(Kind.at_bound, parameter.name, names, **numbers)
 
 
 def check_correlation(solved: Solved) -> Iterator[Finding]:
