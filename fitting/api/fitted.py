@@ -7,7 +7,6 @@ taken for one.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import math
 import time
 from abc import ABC, abstractmethod
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fitting.api.choices import ESTIMATORS, MISFITS
-from fitting.api.printed import HtmlText
+from fitting.api.printed import HtmlText, data_frame
 from fitting.api.problem import Problem
 from fitting.engine.threads import one_thread
 from fitting.fit import checkpoint
@@ -429,10 +428,7 @@ class Valued(HtmlText, ABC):
         Raises:
             BadInput: pandas is not installed.
         """
-        if importlib.util.find_spec("pandas") is None:
-            raise BadInput("to_dataframe: needs pandas: pip install pandas")
-        pandas = importlib.import_module("pandas")
-        return pandas.DataFrame(self.to_dict()).set_index("name")
+        return data_frame(self.to_dict(), "name")
 
     @property
     def table(self) -> Table:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from fitting.api.line import (
     noise_line,
     ringdown,
 )
+from fitting.api.printed import data_frame
 from fitting.report.table import Table, html_table, table, terminal_text, text_lines
 from fitting.resonance.file_control import differing_quantity
 from fitting.signal.line_record import LineNumber
@@ -128,10 +128,7 @@ class Lines:
         Raises:
             BadInput: pandas is not installed.
         """
-        if importlib.util.find_spec("pandas") is None:
-            raise BadInput("to_dataframe: needs pandas: pip install pandas")
-        pandas = importlib.import_module("pandas")
-        return pandas.DataFrame(self.to_dict()).set_index("file")
+        return data_frame(self.to_dict(), "file")
 
     def __repr__(self) -> str:
         failed = [f"{row.file}: {row.reason}" for row in self.rows if row.reason]

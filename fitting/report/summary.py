@@ -103,13 +103,12 @@ def summary_of(result: Result) -> Summary:
     every = {name: value for name, value in every.items() if name not in same}
     summary = Summary(title=result.title, status=phrase("next", "status", result))
     withdrawn = result.status == "converged"
-    summary, left = with_values(summary, every, result.line, same, withdrawn=withdrawn)
     idle = () if result.knowledge is None else result.knowledge.without_effect
+    summary, left = with_values(summary, every, result.line, same, idle, withdrawn=withdrawn)
     urgent = _urgent(result.findings)
     advice, command = next_step(result, left)
     return replace(
         summary,
-        unconstrained=_unconstrained(left, idle),
         external=tuple(phrase("result", "external", test, result) for test in result.external),
         warnings=warnings_of(urgent, every),
         more=max(len(urgent) - MOST_WARNINGS, 0),
@@ -125,6 +124,7 @@ def with_values(
     every: Mapping[str, FittedEstimate],
     line: SweepLine | None = None,
     same: Mapping[str, str] = MappingProxyType({}),
+    idle: Sequence[str] = (),
     *,
     withdrawn: bool = True,
 ) -> tuple[Summary, dict[str, FittedEstimate]]:
@@ -135,6 +135,7 @@ def with_values(
         every: value by name, in the order in which they are printed.
         line: of the sweep alone, which may determine a value better than the fit.
         same: other names of values, with the name under which each is printed.
+        idle: names of parameters without effect on the data.
         withdrawn: whether values that are withdrawn are listed with their reason.
     """
     values, limits, left = [], [], dict[str, FittedEstimate]()
@@ -165,7 +166,7 @@ def with_values(
         summary,
         values=tuple(values),
         limits=tuple(limits),
-        unconstrained=_unconstrained(left, ()),
+        unconstrained=_unconstrained(left, idle),
         unknown=_unknown(left, withdrawn=withdrawn),
         errors=errors,
     )

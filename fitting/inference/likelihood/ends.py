@@ -53,7 +53,6 @@ def try_ends(shared: Shared, open_: Sequence[tuple[Quantity, int]]) -> list[tupl
                 continue
             places = expand(shared.evaluator, [x for _, _, x in begins])
         except Exhausted:
-            shared.is_spent = True
             break
         shared.accept(_reached(shared, begins, places, frozen=bool(attempt % 2)))
     return reached
@@ -147,7 +146,6 @@ def _reached(
         confirmed=False,
     )
     ends = minimise(shared.evaluator, places, constraints, goal)
-    shared.is_spent = shared.is_spent or any(end.is_cut for end in ends)
     return [shared.point(q, end.end) for (q, _, _), end in zip(begins, ends, strict=True)]
 
 

@@ -38,7 +38,6 @@ class Shared:
         self.twins = twins
         self.minima = [m for m in self.read(minima) if m.delta <= ROOT_95**2]
         self.accepted: list[ScanPoint] = list(self.minima)
-        self.is_spent = False
 
     @property
     def periods(self) -> FloatArray:

@@ -46,7 +46,6 @@ def verify(
     try:
         answers = shared.evaluator([Request((x,), outputs=q.output >= 0) for q, _, _, x in tried])
     except Exhausted:
-        shared.is_spent = True
         return {}
     predicted: dict[Key, list[tuple[Expansion, bool]]] = {}
     for (q, side, root, _), [sample] in zip(tried, answers, strict=True):
