@@ -34,7 +34,7 @@ from fitting.fit.fit import (
     solve_problem,
     with_path,
 )
-from fitting.fit.likelihood.likelihood import Spent
+from fitting.fit.likelihood import Spent
 from fitting.fit.options import Options, usual_misfit
 from fitting.fit.path import HistoryRow, Schedule
 from fitting.fit.problem import Problem as Record

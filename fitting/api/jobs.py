@@ -13,7 +13,7 @@ from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.threads import one_thread
-from fitting.fit.likelihood.likelihood import Spent
+from fitting.fit.likelihood import Spent
 from fitting.inference.identification import IdentificationOptions
 from fitting.inference.identification import identify as identify_through
 from fitting.inference.likelihood.knowledge import Determined, Identification, PartAlone

@@ -14,16 +14,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, to_model
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of, likelihood_with
-from fitting.fit.likelihood.optimum import Optimum, most_likely
+from fitting.fit.evaluator import Counts, Evaluator
+from fitting.fit.interior_point import inside
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of, likelihood_with
 from fitting.fit.noise import RowNoise, noise_of, shared
 from fitting.fit.objective import Objective, Point, evaluate_many
+from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.outputs import mean
 from fitting.fit.path import Schedule, named, own_start
 from fitting.fit.search.minima import Minimum, Search, search_box
 from fitting.fit.search.twins import Twin, find_twins
-from fitting.fit.solver.evaluator import Counts, Evaluator
-from fitting.fit.solver.interior_point import inside
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray, Scalar
 

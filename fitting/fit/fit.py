@@ -26,6 +26,7 @@ from fitting.fit.alternative import (
     search_alternative,
     with_values,
 )
+from fitting.fit.evaluator import Counts, Evaluator
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.options import Options
 from fitting.fit.outputs import runs_of_outputs
@@ -40,7 +41,6 @@ from fitting.fit.path import (
 )
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution, solution_of
-from fitting.fit.solver.evaluator import Counts, Evaluator
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput

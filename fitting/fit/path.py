@@ -22,11 +22,11 @@ import numpy as np
 
 from fitting.campaign.file import Continuation
 from fitting.campaign.parameters import Parameter, canonical, search_bounds, starts, to_search
+from fitting.fit.evaluator import Counts, Evaluator, total
+from fitting.fit.interior_point import Solve, inside, second_value, solve
 from fitting.fit.objective import Objective, j_reg, weights
 from fitting.fit.outputs import mean
 from fitting.fit.search.box import Box
-from fitting.fit.solver.evaluator import Counts, Evaluator, total
-from fitting.fit.solver.interior_point import Solve, inside, second_value, solve
 from fitting.text.arrays import FloatArray
 
 _log = logging.getLogger(__name__)

@@ -16,13 +16,17 @@ from fitting.campaign.parameters import (
     to_search,
 )
 from fitting.fit.covariance import WhitenedErrors
+from fitting.fit.evaluator import Evaluator
 from fitting.fit.linearisation import Linearisation, linearise
 from fitting.fit.noise import RowNoise, fitted_noise
 from fitting.fit.objective import Objective, Point, j_reg
-from fitting.fit.solver.evaluator import Evaluator
-from fitting.fit.solver.symmetry import secants
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray
+
+#: Step off a plane of symmetry, as a share of the box (at most in units of x).
+STRIDE = 0.1
+#: Mean change of a row over such a step below which a column counts as vanished.
+FLAT = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +34,7 @@ class Solution:
     """The reported end, and what was evaluated there.
 
     `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there, `seen` the same
-    with secants for variables without a first-order effect (`symmetry.secants`), which
+    with secants for variables without a first-order effect (`secants`), which
     `secant_points` tell of; `noise` of the rows, `errors` by it; `structure` that of the sweep's
     residuals, None where the sweep is not fitted; `nu` is the last weight of the Tikhonov term.
     """
@@ -220,3 +224,31 @@ def _solved_of_curves(objective: Objective, point: Point) -> _SolvedInside:
     return _SolvedInside(
         np.asarray(block_diag(*asked)), np.asarray(block_diag(*of_maps)), stretches
     )
+
+
+def secants(
+    evaluator: Evaluator, x: FloatArray, matrix: FloatArray
+) -> tuple[FloatArray, dict[int, FloatArray]]:
+    """dr/dx with finite differences in place of flat columns where these see more, (m, n).
+
+    The second result gives for each such column the point that the difference was taken to.
+
+    Args:
+        evaluator: of the objective.
+        x: search vector, shape (n,).
+        matrix: dr/dx there, shape (m, n).
+    """
+    strides = STRIDE * np.minimum(evaluator.upper - evaluator.lower, 1.0)
+    flat = np.flatnonzero(np.mean(np.abs(matrix), axis=0) * strides <= FLAT)
+    changed, points = matrix.copy(), {}
+    rows = evaluator.point(x).residuals
+    for i in map(int, flat):
+        for step in (strides[i], -strides[i]):
+            moved = x.copy()
+            moved[i] = np.clip(x[i] + step, evaluator.lower[i], evaluator.upper[i])
+            if abs(moved[i] - x[i]) <= 0.5 * abs(step):
+                continue  # no room on that side
+            column = (evaluator.point(moved).residuals - rows) / (moved[i] - x[i])
+            if np.linalg.norm(column) > np.linalg.norm(changed[:, i]):
+                changed[:, i], points[i] = column, moved
+    return changed, points

@@ -24,7 +24,7 @@ from scipy.special import gammaincc
 
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.fit import Status
-from fitting.fit.likelihood.optimum import Optimum
+from fitting.fit.optimum import Optimum
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.knowledge import Adequacy, Ending
 from fitting.inference.likelihood.profile import data_covariance

@@ -17,17 +17,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import canonical, to_model
+from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import Status
-from fitting.fit.likelihood.levenberg import Goal, expand, minimise
-from fitting.fit.likelihood.likelihood import (
+from fitting.fit.levenberg import Goal, expand, minimise
+from fitting.fit.likelihood import (
+    Exhausted,
     LikelihoodEvaluator,
+    Request,
+    Sample,
     Spent,
     likelihood_of,
 )
-from fitting.fit.likelihood.optimum import Optimum, most_likely
-from fitting.fit.likelihood.samples import Exhausted, Request, Sample
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.outputs import output_means
 from fitting.fit.search.minima import SCREENED, screened
 from fitting.fit.search.twins import (
@@ -36,7 +39,6 @@ from fitting.fit.search.twins import (
     sampling_twins,
     twins_but_for_priors,
 )
-from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.adequacy import adequacy_of, ending_of, is_redundant
 from fitting.inference.budget import Stage, usual_budget
 from fitting.inference.equivalent_fits import sampling_findings

@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from fitting.campaign.parameters import to_model
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.likelihood.optimum import Optimum, most_likely
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
+from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.outputs import output_means
 from fitting.inference.likelihood.knowledge import Equivalent, Values
 from fitting.text.arrays import FloatArray, Scalar

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import own_count, references, search_bounds, starts, to_search
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.likelihood.optimum import FEW_OWN, most_likely
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.optimum import FEW_OWN, most_likely
 from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
 from fitting.inference.checks.solutions import residual_findings

@@ -10,10 +10,10 @@ import numpy as np
 
 from fitting.campaign.parameters import search_bounds, to_model, to_search
 from fitting.fit.fit import Fit, Status, fit_from
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.likelihood.optimum import active_bounds_at, most_likely
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
+from fitting.fit.optimum import active_bounds_at, most_likely
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.inference.adequacy import adequacy_of, ending_of, unseen

@@ -17,11 +17,11 @@ from fitting.campaign.binder import Binder
 from fitting.campaign.drift import bind_drift
 from fitting.campaign.measured import Experiment
 from fitting.campaign.parameters import Parameter
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.interior_point import solve
 from fitting.fit.objective import Objective, weights
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
-from fitting.fit.solver.evaluator import Evaluator
-from fitting.fit.solver.interior_point import solve
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.checks.sweeps import drift_findings
 from fitting.lab.bench import Series, measure

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from fitting.cli.main import main
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.fit.likelihood.optimum import Optimum, most_likely
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
+from fitting.fit.optimum import Optimum, most_likely
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.bootstrap import bootstrap
 from fitting.inference.likelihood.knowledge import Determined, Identification

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import Parameter, to_model, to_search
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import make_objective
 from fitting.fit.search import evolution
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import Minimum, Search, screened, search_box, worth
 from fitting.fit.search.scans import scanned
 from fitting.fit.search.twins import find_twins
-from fitting.fit.solver.evaluator import Evaluator
 from fitting.text.arrays import FloatArray
 from tests.support.datasets import dataset
 from tests.support.rows import RowsResponse

@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import chi2
 
 import fitting as ff
-from fitting.fit.likelihood.few_places import of_few_places
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, likelihood_of
+from fitting.fit.few_places import of_few_places
+from fitting.fit.likelihood import Likelihood, LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import make_objective
 from fitting.fit.search import minima
 from fitting.measurements.dataset import Dataset

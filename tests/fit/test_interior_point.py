@@ -9,10 +9,10 @@ import pytest
 from scipy.optimize import least_squares, linprog
 
 from fitting.campaign.parameters import search_bounds
+from fitting.fit.evaluator import Evaluator, total
+from fitting.fit.interior_point import inside, second_value, solve
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.path import own_start
-from fitting.fit.solver.evaluator import Evaluator, total
-from fitting.fit.solver.interior_point import inside, second_value, solve
 from tests.support import closed_form
 from tests.support.rows import rows_evaluator
 

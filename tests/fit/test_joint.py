@@ -18,12 +18,12 @@ import pytest
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
 from fitting.fit.alternative import search_alternative
+from fitting.fit.evaluator import Evaluator
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.options import options_of
 from fitting.fit.path import Schedule
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
-from fitting.fit.solver.evaluator import Evaluator
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.estimates import outputs_of
 from fitting.inference.joint import JointResult, consistency

@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from fitting.campaign.parameters import to_model, to_search
-from fitting.fit.likelihood.levenberg import (
+from fitting.fit.levenberg import (
     ITERATIONS,
     UNCONSTRAINED,
     Constraint,
@@ -22,8 +22,7 @@ from fitting.fit.likelihood.levenberg import (
     expand,
     minimise,
 )
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
-from fitting.fit.likelihood.samples import Exhausted, Request, Sample
+from fitting.fit.likelihood import Exhausted, LikelihoodEvaluator, Request, Sample
 from fitting.text.arrays import FloatArray
 from tests.support.whitened import evaluator_of, in_box, parameter, whitened
 

@@ -11,13 +11,14 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from fitting.fit.covariance import BoundedErrors
-from fitting.fit.likelihood.likelihood import (
+from fitting.fit.likelihood import (
     MOST_FAILURES,
+    Exhausted,
     Likelihood,
     LikelihoodEvaluator,
+    Request,
     likelihood_of,
 )
-from fitting.fit.likelihood.samples import Exhausted, Request
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.objective import Objective
 from fitting.text.arrays import FloatArray

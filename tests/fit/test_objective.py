@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import search_bounds, to_model, to_search
+from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.objective import (
     Objective,
     evaluate_many,
@@ -18,7 +19,6 @@ from fitting.fit.objective import (
     make_objective,
     noise_level,
 )
-from fitting.fit.solver.evaluator import Evaluator, total
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep

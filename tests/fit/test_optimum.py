@@ -11,9 +11,11 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fitting.campaign.parameters import to_model
-from fitting.fit.likelihood.levenberg import Constraint, Expansion, expand
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.likelihood.optimum import (
+from fitting.fit.levenberg import Constraint, Expansion, expand
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.noise import noise_of
+from fitting.fit.objective import evaluate_many
+from fitting.fit.optimum import (
     Optimum,
     active_bounds_at,
     freedom_of,
@@ -21,8 +23,6 @@ from fitting.fit.likelihood.optimum import (
     most_likely,
     with_outputs,
 )
-from fitting.fit.noise import noise_of
-from fitting.fit.objective import evaluate_many
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import OutOfBudget
 from tests.support.whitened import SIGMA, evaluator_of, in_box, parameter, whitened

@@ -21,8 +21,8 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli import reconstruct as command
 from fitting.fit import alternative, checkpoint
 from fitting.fit.fit import Hooks, Progress
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
-from fitting.fit.likelihood.optimum import Optimum, most_likely
+from fitting.fit.likelihood import LikelihoodEvaluator
+from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.options import options_of
 from fitting.fit.path import PATH, PathLevel
 from fitting.fit.problem import problem_of

@@ -16,11 +16,11 @@ import pytest
 
 from fitting.campaign import bind, read_campaign
 from fitting.campaign.noise import Noise, scale_parameter, sweep_scale_sigma, sweep_sigmas
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.interior_point import solve
 from fitting.fit.objective import Objective, weights
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
-from fitting.fit.solver.evaluator import Evaluator
-from fitting.fit.solver.interior_point import solve
 from fitting.fmu import FmuWorkers, read_description
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench

@@ -15,13 +15,13 @@ from scipy.stats import chi2
 import fitting as ff
 from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
 from fitting.fit.alternative import Outcome, Solved, search_alternative, with_values
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.path import Course, Journal, Schedule, follow_path, own_start
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import search_box
 from fitting.fit.search.twins import Twin, find_twins
-from fitting.fit.solver.evaluator import Evaluator
 from fitting.text.arrays import FloatArray
 from tests.support import closed_form
 from tests.support.crossing import Laboratory, laboratory

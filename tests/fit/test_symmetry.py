@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.fit.solver.evaluator import Evaluator
-from fitting.fit.solver.symmetry import secants
+from fitting.fit.evaluator import Evaluator
+from fitting.fit.solution import secants
 from fitting.text.arrays import FloatArray
 from tests.support.rows import rows_evaluator
 

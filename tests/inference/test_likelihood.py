@@ -12,15 +12,16 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fitting.campaign.parameters import to_model, to_search
-from fitting.fit.likelihood.levenberg import Constraint, Goal, expand, minimise
-from fitting.fit.likelihood.likelihood import (
+from fitting.fit.levenberg import Constraint, Goal, expand, minimise
+from fitting.fit.likelihood import (
     MOST_FAILURES,
+    Exhausted,
     LikelihoodEvaluator,
+    Request,
     likelihood_of,
 )
-from fitting.fit.likelihood.optimum import inflation_of, most_likely
-from fitting.fit.likelihood.samples import Exhausted, Request
 from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.optimum import inflation_of, most_likely
 from fitting.measurements.measurement import Evaluation
 from fitting.text.errors import FmuFailure
 from tests.support import closed_form, single_line

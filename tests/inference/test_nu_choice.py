@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fitting.fit.likelihood.likelihood import likelihood_of
+from fitting.fit.likelihood import likelihood_of
 from fitting.fit.objective import Objective
 from fitting.fit.path import PATH, PathLevel
 from fitting.inference.likelihood.knowledge import NuRow

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import solve_problem
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import Objective, make_objective
 from fitting.fit.options import Options
 from fitting.fit.path import Schedule
@@ -18,7 +19,6 @@ from fitting.fit.problem import Problem
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import search_box
 from fitting.fit.search.twins import find_twins, twins_but_for_priors
-from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.text.arrays import FloatArray

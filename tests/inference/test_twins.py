@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import to_search
+from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import Status, fit_from, solve_problem
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
@@ -15,7 +16,6 @@ from fitting.fit.options import Options
 from fitting.fit.path import Schedule, own_start
 from fitting.fit.problem import Problem
 from fitting.fit.search.twins import find_twins
-from fitting.fit.solver.evaluator import Evaluator
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.text.estimate import Verdict

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
-from fitting.fit.likelihood.samples import Request
+from fitting.fit.likelihood import LikelihoodEvaluator, Request, likelihood_of
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.plan import Plan

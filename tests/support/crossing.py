@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import Parameter
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import Objective, make_objective
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation

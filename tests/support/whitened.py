@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, to_search
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
 from fitting.inference.determine import InferenceOptions, determine

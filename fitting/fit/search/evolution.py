@@ -7,8 +7,7 @@ import math
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
-from fitting.fit.likelihood.samples import Request
+from fitting.fit.likelihood import LikelihoodEvaluator, Request
 from fitting.fit.search.box import Box
 from fitting.text.arrays import FloatArray
 

@@ -26,11 +26,10 @@ from functools import partial
 
 import numpy as np
 
-from fitting.fit.likelihood.few_places import of_few_places, own_gain
-from fitting.fit.likelihood.levenberg import Descent, expand, minimise
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.optimum import TOO_LARGE_P, freedom_of, inflation_of
-from fitting.fit.likelihood.samples import Request
+from fitting.fit.few_places import of_few_places, own_gain
+from fitting.fit.levenberg import Descent, expand, minimise
+from fitting.fit.likelihood import Likelihood, LikelihoodEvaluator, Request
+from fitting.fit.optimum import TOO_LARGE_P, freedom_of, inflation_of
 from fitting.fit.search.box import Box
 from fitting.fit.search.evolution import evolved, merit
 from fitting.fit.search.scans import scanned
@@ -121,7 +120,7 @@ def search_box(
 ) -> Search:
     """Look for the lowest minima of chi square in the box.
 
-    Of measurements at many places few are looked at first (`fitting.fit.likelihood.few_places`):
+    Of measurements at many places few are looked at first (`fitting.fit.few_places`):
     what is a minimum of all of them is about one of those, where noise explains both. Descents are
     then those by all, from what is not far above the lowest. Where noise rarely explains the lowest
     of all, but may, the few are searched as thoroughly as all would be: a part of the cost.

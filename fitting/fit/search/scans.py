@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
-from fitting.fit.likelihood.samples import Request
+from fitting.fit.likelihood import LikelihoodEvaluator, Request
 from fitting.fit.search.box import Box
 from fitting.fit.search.evolution import merit
 from fitting.text.arrays import FloatArray

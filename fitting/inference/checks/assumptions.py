@@ -33,9 +33,9 @@ import numpy as np
 from fitting.campaign.bound import Assumption
 from fitting.campaign.laws import in_base
 from fitting.campaign.parameters import prior_sigmas, to_model, to_search
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_with
-from fitting.fit.likelihood.optimum import most_likely
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
 from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.optimum import most_likely
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
 from fitting.inference.equivalent_fits import nearest_image

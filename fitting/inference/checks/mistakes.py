@@ -16,10 +16,10 @@ import numpy as np
 
 from fitting.campaign.parameters import inverse_priors, prior_sigmas
 from fitting.fit.fit import Fit
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator, likelihood_of, likelihood_with
-from fitting.fit.likelihood.optimum import most_likely
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of, likelihood_with
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.objective import Objective
+from fitting.fit.optimum import most_likely
 from fitting.fit.solution import Solution
 from fitting.inference.checks.curve_mistakes import MOST_LEFT, curve_mistake, solved_inside
 from fitting.inference.joint import share_apart

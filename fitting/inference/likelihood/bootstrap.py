@@ -16,10 +16,9 @@ from concurrent.futures import Executor
 import numpy as np
 
 from fitting.campaign.parameters import to_model
-from fitting.fit.likelihood.levenberg import Expansion, minimise
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator, Spent
-from fitting.fit.likelihood.optimum import Optimum
-from fitting.fit.likelihood.samples import Request, Sample
+from fitting.fit.levenberg import Expansion, minimise
+from fitting.fit.likelihood import Likelihood, LikelihoodEvaluator, Request, Sample, Spent
+from fitting.fit.optimum import Optimum
 from fitting.inference.budget import Stage
 from fitting.inference.likelihood.knowledge import Bootstrap
 from fitting.text.arrays import FloatArray

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.fit.likelihood.levenberg import Constraint, Expansion, Goal, expand, minimise
-from fitting.fit.likelihood.samples import Exhausted, Request
+from fitting.fit.levenberg import Constraint, Expansion, Goal, expand, minimise
+from fitting.fit.likelihood import Exhausted, Request
 from fitting.inference.likelihood.profile import Key, Quantity, ScanPoint, Side
 from fitting.inference.likelihood.shared import Shared
 from fitting.signal.student import reach

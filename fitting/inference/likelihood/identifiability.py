@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
-from fitting.fit.likelihood.levenberg import Expansion, Goal, minimise
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.optimum import Optimum
-from fitting.fit.likelihood.samples import Exhausted, Request
+from fitting.fit.levenberg import Expansion, Goal, minimise
+from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request
+from fitting.fit.optimum import Optimum
 from fitting.fit.search.box import Box
 from fitting.fit.search.minima import SAME as SAME_MINIMUM
 from fitting.fit.search.twins import Twin

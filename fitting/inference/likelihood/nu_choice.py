@@ -15,8 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.samples import Request
+from fitting.fit.likelihood import Likelihood, LikelihoodEvaluator, Request
 from fitting.fit.path import HistoryRow, PathLevel
 from fitting.inference.likelihood.knowledge import NuChoice, NuRow
 from fitting.signal.chi_square import largest

@@ -10,10 +10,10 @@ import numpy as np
 
 from fitting.campaign.parameters import UNIFORM_WIDTH, spans_decades
 from fitting.fit.covariance import WhitenedErrors
-from fitting.fit.likelihood.levenberg import Constraint, Expansion
-from fitting.fit.likelihood.optimum import Optimum
-from fitting.fit.likelihood.samples import Sample
+from fitting.fit.levenberg import Constraint, Expansion
+from fitting.fit.likelihood import Sample
 from fitting.fit.linearisation import Linearisation
+from fitting.fit.optimum import Optimum
 from fitting.inference.likelihood.ranges import OutputRange
 from fitting.text.arrays import FloatArray
 

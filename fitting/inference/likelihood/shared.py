@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from fitting.campaign.parameters import drift_square
-from fitting.fit.likelihood.levenberg import Expansion
-from fitting.fit.likelihood.likelihood import LikelihoodEvaluator
-from fitting.fit.likelihood.optimum import Optimum
-from fitting.fit.likelihood.samples import Exhausted, Request, Sample
+from fitting.fit.levenberg import Expansion
+from fitting.fit.likelihood import Exhausted, LikelihoodEvaluator, Request, Sample
+from fitting.fit.optimum import Optimum
 from fitting.fit.search.twins import Twin
 from fitting.inference.likelihood.profile import Quantity, ScanPoint, Side
 from fitting.inference.likelihood.ranges import OutputRange

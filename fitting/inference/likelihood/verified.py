@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitting.fit.likelihood.levenberg import UNCONSTRAINED, Expansion
-from fitting.fit.likelihood.optimum import active_bounds_at
-from fitting.fit.likelihood.samples import Exhausted, Request
+from fitting.fit.levenberg import UNCONSTRAINED, Expansion
+from fitting.fit.likelihood import Exhausted, Request
+from fitting.fit.optimum import active_bounds_at
 from fitting.inference.likelihood.profile import Key, Quantity, ScanPoint, Side, data_covariance
 from fitting.inference.likelihood.shared import Shared, by_data_or_priors, with_simulation
 from fitting.signal.student import ROOT_68, reach

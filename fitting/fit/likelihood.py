@@ -24,7 +24,6 @@ from fitting.campaign.parameters import (
     search_bounds,
 )
 from fitting.fit.covariance import BoundedErrors, RowCovariance
-from fitting.fit.likelihood.samples import Exhausted, Request, Sample
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, Point, evaluate_many
@@ -38,6 +37,31 @@ from fitting.text.errors import NoScale
 MOST_FAILURES = 12
 #: Relative rounding of a period.
 ROUNDING = 1e-9
+
+
+class Exhausted(Exception):
+    """The budget allows no more evaluations."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Search vectors at which rows, outputs or both are wanted."""
+
+    xs: tuple[FloatArray, ...]
+    rows: bool = True
+    outputs: bool = True
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One evaluated search vector: `rows` (m,) whitened, `outputs` (k,); empty if not wanted.
+
+    NaN rows where the model failed; NaN outputs where the model has no value.
+    """
+
+    x: FloatArray
+    rows: FloatArray
+    outputs: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)

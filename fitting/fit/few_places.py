@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from fitting.fit.covariance import BoundedErrors
-from fitting.fit.likelihood.likelihood import Likelihood
+from fitting.fit.likelihood import Likelihood
 from fitting.measurements.measurement import DivisibleResponse
 from fitting.text.arrays import BoolArray
 

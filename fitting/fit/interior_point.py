@@ -22,8 +22,8 @@ import numpy as np
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, least_squares, minimize
 from scipy.sparse import block_array, csr_array, diags_array, eye_array
 
+from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.objective import Nu, j_reg
-from fitting.fit.solver.evaluator import Evaluator, total
 from fitting.text.arrays import FloatArray
 
 #: First barrier parameter, in units of J (of one where J is more): that of scipy.

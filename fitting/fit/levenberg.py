@@ -26,8 +26,7 @@ from typing import TypeVar
 import numpy as np
 
 from fitting.fit.differences import forward
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.samples import Exhausted, Request, Sample
+from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request, Sample
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitting.campaign.parameters import UNIFORM_WIDTH
 from fitting.fit.differences import forward
-from fitting.fit.likelihood.levenberg import (
+from fitting.fit.levenberg import (
     LEAST_DAMPING,
     PROMISE,
     UNCONSTRAINED,
@@ -20,8 +20,7 @@ from fitting.fit.likelihood.levenberg import (
     expand,
     minimise,
 )
-from fitting.fit.likelihood.likelihood import Likelihood, LikelihoodEvaluator
-from fitting.fit.likelihood.samples import Exhausted, Request
+from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request
 from fitting.fit.linearisation import SMALLEST_SIGMA, Linearisation
 from fitting.signal.chi_square import tail
 from fitting.signal.student import normal_square

@@ -1,1 +1,0 @@
-"""Chi square of an objective at any parameters, and searches that lower it side by side."""
