@@ -25,18 +25,10 @@ from fitting.engine.threads import one_thread
 from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
-from fitting.fit.fit import (
-    Hooks,
-    Memory,
-    Progress,
-    Status,
-    promised_anew,
-    solve_problem,
-    with_path,
-)
+from fitting.fit.fit import Status, promised_anew, solve_problem, with_path
 from fitting.fit.likelihood import Spent
-from fitting.fit.options import Options, usual_misfit
-from fitting.fit.path import HistoryRow, Schedule
+from fitting.fit.options import Options, Schedule, usual_misfit
+from fitting.fit.path import HistoryRow, Hooks, Memory, Progress
 from fitting.fit.problem import Problem as Record
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
@@ -495,7 +487,7 @@ class Fit(Valued):
     @property
     def success(self) -> bool:
         """Whether no linearised step promises a decrease of chi square."""
-        return self.record.success
+        return self.record.status is Status.CONVERGED
 
     @property
     def x(self) -> FloatArray:
@@ -509,17 +501,17 @@ class Fit(Valued):
     @property
     def fun(self) -> float:
         """J_fit, the sum of |r|, there."""
-        return self.record.fun
+        return self.record.solution.final.j_fit
 
     @property
     def nfev(self) -> int:
         """Evaluations of the objective."""
-        return self.record.nfev
+        return self.record.cost.evaluations
 
     @property
     def njev(self) -> int:
         """Jacobians."""
-        return self.record.njev
+        return self.record.cost.jacobians
 
     @property
     def path(self) -> tuple[HistoryRow, ...]:
@@ -718,8 +710,9 @@ def kept_levels(
         BadInput: what is there is of another search.
     """
     job = job_of(problem.record, identity_of(problem, command), options)
-    begin = checkpoint.resume if resume else checkpoint.begin
-    return begin(Path(folder), job)
+    if resume:
+        return checkpoint.resume(Path(folder), job)
+    return checkpoint.Checkpoint(Path(folder), job)
 
 
 def identity_of(problem: Problem, command: str) -> Identity:

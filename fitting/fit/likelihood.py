@@ -10,10 +10,10 @@ bounds of the campaign: intervals are conditional on them.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -28,7 +28,6 @@ from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, Point, evaluate_many
 from fitting.fit.outputs import answered_apart, output_means_beyond, runs_of_outputs
-from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
 
@@ -136,19 +135,10 @@ class Likelihood:
         Args:
             x: search vector, shape (n,).
         """
-        if not self._goes_round:
-            return np.asarray(np.minimum(np.maximum(x, self.lower), self.upper))
         lower, upper = search_bounds(self.parameters)
-        inside = np.array(x, dtype=float)
         out = np.isfinite(self.periods) & ((x < lower) | (x > upper))
-        period = self.periods[out]
-        inside[out] = lower[out] + np.mod(x[out] - lower[out], period)
+        inside = np.where(out, lower + np.mod(x - lower, self.periods), x)
         return np.asarray(np.clip(inside, self.lower, self.upper))
-
-    @cached_property
-    def _goes_round(self) -> bool:
-        """Whether any parameter has a period."""
-        return bool(np.any(np.isfinite(self.periods)))
 
     @property
     def declared(self) -> tuple[FloatArray, FloatArray]:
@@ -160,53 +150,29 @@ class Likelihood:
         return (least - reference) / scale, (most - reference) / scale
 
 
-def likelihood_of(
-    objective: Objective,
-    sigma: FloatArray,
-    common: FloatArray,
-    names: Sequence[str] = (),
-    bounded: BoundedErrors | None = None,
-) -> Likelihood:
-    """Likelihood without inflation from the relative noise of the rows.
-
-    Args:
-        objective: response, parameters and data.
-        sigma: relative standard deviations of the rows, shape (m,), all positive.
-        common: columns of relative errors shared by the rows, shape (m, k).
-        names: derived outputs that are looked at.
-        bounded: what the simulation may be off by; nothing if not given.
-    """
-    own = np.maximum(sigma, SMALLEST_SIGMA)
-    lower, upper = search_bounds(objective.parameters)
-    periods = np.full(lower.size, np.inf)
-    for i, parameter in enumerate(objective.parameters):
-        if parameter.period is not None:
-            period = parameter.period / parameter.scale
-            if upper[i] - lower[i] >= period * (1.0 - ROUNDING):
-                periods[i] = period
-    bound = np.isinf(periods)
-    return Likelihood(
-        objective=objective,
-        noise=RowCovariance(own, common),
-        inverse_prior_sigma=inverse_priors(objective.parameters),
-        shift=np.zeros(sigma.size),
-        lower=np.where(bound, lower, -np.inf),
-        upper=np.where(bound, upper, np.inf),
-        periods=periods,
-        names=tuple(names),
-        bounded=BoundedErrors.none() if bounded is None else bounded,
-    )
-
-
-def likelihood_with(objective: Objective, noise: RowNoise) -> Likelihood:
-    """Likelihood without inflation; what is not known of the noise is told by the residuals.
+def likelihood_of(objective: Objective, noise: RowNoise, names: Sequence[str] = ()) -> Likelihood:
+    """Likelihood without inflation; noise that is not known is estimated from the residuals.
 
     Args:
         objective: response, parameters and data.
         noise: of the rows.
+        names: derived outputs that are evaluated.
     """
-    plain = likelihood_of(objective, noise.sigma, noise.common)
-    return replace(plain, scatter=noise.scatter)
+    lower, upper = search_bounds(objective.parameters)
+    own = [(p.period or np.inf) / p.scale for p in objective.parameters]
+    turns = np.isfinite(own) & (upper - lower >= np.array(own) * (1.0 - ROUNDING))
+    return Likelihood(
+        objective=objective,
+        noise=RowCovariance(np.maximum(noise.sigma, SMALLEST_SIGMA), noise.common),
+        inverse_prior_sigma=inverse_priors(objective.parameters),
+        shift=np.zeros(noise.sigma.size),
+        lower=np.where(turns, -np.inf, lower),
+        upper=np.where(turns, np.inf, upper),
+        periods=np.where(turns, own, np.inf),
+        names=tuple(names),
+        bounded=noise.bounded,
+        scatter=noise.scatter,
+    )
 
 
 @dataclass(frozen=True)
@@ -244,7 +210,6 @@ class LikelihoodEvaluator:
         self._stage, self._before = "", 0
         self.evaluations = self.derived = self.runs = self.failures = self.answered = 0
         self.cuts = 0
-        self._reading = self._read = 0  # who reads outputs at present, and runs that are counted
 
     def begin(self, stage: str) -> None:
         """What is evaluated from here on belongs to another stage.
@@ -266,24 +231,19 @@ class LikelihoodEvaluator:
             FmuFailure: the model failed at more points than can be left out.
         """
         wanted = sum(len(request.xs) for request in requests if request.rows)
-        if wanted and self.spent + wanted * self._each > self.limit:
+        each = self.spent / self.evaluations if self.evaluations else 1.0
+        if wanted and self.spent + wanted * each > self.limit:
             self.cuts += 1
             raise Exhausted
-        fold = self.likelihood.folded
-        rows = iter(self._rows([fold(x) for r in requests if r.rows for x in r.xs]))
+        fold, none = self.likelihood.folded, itertools.repeat(np.empty(0))
+        xs = [fold(x) for request in requests if request.rows for x in request.xs]
+        rows = iter(answered_apart(self._evaluated, xs, self._failed) if xs else [])
         outputs = iter(self._outputs([fold(x) for r in requests if r.outputs for x in r.xs]))
-        nothing = np.empty(0)
-        return [
-            [
-                Sample(
-                    x,
-                    next(rows) if request.rows else nothing,
-                    next(outputs) if request.outputs else nothing,
-                )
-                for x in request.xs
-            ]
-            for request in requests
-        ]
+        samples = []
+        for request in requests:
+            mine = rows if request.rows else none, outputs if request.outputs else none
+            samples.append([Sample(x, next(mine[0]), next(mine[1])) for x in request.xs])
+        return samples
 
     @contextmanager
     def beyond_limit(self) -> Iterator[None]:
@@ -312,14 +272,6 @@ class LikelihoodEvaluator:
         """What counts against the limit so far."""
         return self.runs or self.evaluations
 
-    @property
-    def _each(self) -> float:
-        """What an evaluation has cost on average."""
-        return self.spent / self.evaluations if self.evaluations else 1.0
-
-    def _rows(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
-        return answered_apart(self._evaluated, xs, self._failed) if xs else []
-
     def _evaluated(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
         self.evaluations += len(xs)
         self._tell()
@@ -341,23 +293,13 @@ class LikelihoodEvaluator:
         if not xs or not names:
             return [np.empty(0) for _ in xs]
         self.derived += len(xs)
-        with self._counting_outputs(self.likelihood.objective.response) as response:
-            means = output_means_beyond(response, self.likelihood.parameters, xs, names)
-        return list(np.stack([means[name] for name in names], axis=1))
-
-    @contextmanager
-    def _counting_outputs(self, response: Response) -> Iterator[Response]:
-        """Runs in which outputs are read count once, whoever else reads meanwhile."""
-        if not self._reading:
-            self._read = runs_of_outputs(response)
-        self._reading += 1
+        response = self.likelihood.objective.response
+        before = runs_of_outputs(response)
         try:
-            yield response
+            means = output_means_beyond(response, self.likelihood.parameters, xs, names)
         finally:
-            self._reading -= 1
-            read = runs_of_outputs(response)
-            self.runs += read - self._read
-            self._read = read
+            self.runs += runs_of_outputs(response) - before
+        return list(np.stack([means[name] for name in names], axis=1))
 
     def one(self, x: FloatArray) -> Sample:
         """Rows and outputs at one search vector.

@@ -27,8 +27,6 @@ from fitting.signal.student import normal_square
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import OutOfBudget
 
-#: Parameters of single experiments that are few.
-FEW_OWN = 12
 #: Probability of a chi square below which it is taken for more than noise.
 TOO_LARGE_P = 0.05
 #: Chi square by which the data may be described better with wider noise, and times that a search

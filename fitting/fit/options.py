@@ -6,11 +6,26 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from fitting.campaign import ContinuationSettings
-from fitting.fit.path import Schedule
+from fitting.campaign.file import Continuation
 from fitting.measurements.measurement import Measurement
 from fitting.text.choices import ALGORITHM2, ESTIMATORS, LIKELIHOOD, MISFITS
 
 __all__ = ["ALGORITHM2", "ESTIMATORS", "LIKELIHOOD", "Options", "options_of", "usual_misfit"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule(Continuation):
+    """nu_l = nu_start beta^l for l < levels; `tolerance` for E; starts and seed of the search."""
+
+    levels: int = 9
+
+    def nu(self, level: int) -> float:
+        """Regularisation of one level.
+
+        Args:
+            level: of ν, from 0.
+        """
+        return self.nu_start * self.beta**level
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,19 +14,18 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import partial
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol
 
 import numpy as np
 
-from fitting.campaign.file import Continuation
 from fitting.campaign.parameters import Parameter, canonical, search_bounds, starts, to_search
 from fitting.fit.evaluator import Counts, Evaluator, total
 from fitting.fit.interior_point import Solve, inside, second_value, solve
 from fitting.fit.objective import Objective, j_reg, weights
+from fitting.fit.options import Options
 from fitting.fit.outputs import mean
-from fitting.fit.search.box import Box
+from fitting.fit.search import Box
 from fitting.text.arrays import FloatArray
 
 _log = logging.getLogger(__name__)
@@ -38,21 +37,6 @@ MINIMISED = 1e-4
 SCREENED, STARTS, APART, GLOBAL_ITERATIONS = 256, 12, 0.15, 100
 #: The two kinds of levels.
 PATH, GLOBAL = "path", "global"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Schedule(Continuation):
-    """nu_l = nu_start beta^l for l < levels; `tolerance` for E; starts and seed of the search."""
-
-    levels: int = 9
-
-    def nu(self, level: int) -> float:
-        """Regularisation of one level.
-
-        Args:
-            level: of ν, from 0.
-        """
-        return self.nu_start * self.beta**level
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,16 +107,51 @@ class HistoryRow(Level):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Journal:
-    """How levels are watched and resumed: every hook may be left out.
+class Progress:
+    """State of a running fit: which `stage` it is in, and what it has taken so far.
 
-    `recall(kind, alternative, level)` gives a level finished earlier or None; `record(level)` is
-    called after each newly finished one; `clock` measures seconds.
+    `stage` is "search", "path" or "global"; `done` of `of` alternatives, or levels of ν, are done.
+    `nu`, `j_fit` and `j_reg` are those of the last level (NaN in a search).
     """
 
-    recall: Callable[[str, int, int], PathLevel | None] = lambda *key: None
-    record: Callable[[PathLevel], None] = lambda level: None
-    entering: Callable[[str, int, int], None] = lambda *key: None
+    stage: str
+    done: int
+    of: int
+    nu: float = math.nan
+    j_fit: float = math.nan
+    j_reg: float = math.nan
+    evaluations: int
+    elapsed_s: float
+
+
+class Memory(Protocol):
+    """Where finished levels are kept (`fitting.fit.checkpoint.Checkpoint`)."""
+
+    def recall(self, kind: str, alternative: int, level: int) -> PathLevel | None:
+        """The finished level of that place, None if there is none.
+
+        Args:
+            kind: of the path.
+            alternative: its number.
+            level: of ν, from 0.
+        """
+        ...
+
+    def record(self, level: PathLevel) -> None:
+        """Keep a finished level.
+
+        Args:
+            level: of one alternative.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """Watching and resuming, all optional."""
+
+    progress: Callable[[Progress], None] = lambda state: None
+    memory: Memory | None = None
     clock: Callable[[], float] = time.perf_counter
 
 
@@ -141,10 +160,9 @@ class Course:
     """What is minimised at every ν, for one discrete alternative."""
 
     objective: Objective
-    schedule: Schedule
-    misfit: str
+    options: Options
     alternative: int
-    journal: Journal
+    hooks: Hooks = field(default_factory=Hooks)
 
 
 def own_start(parameters: Sequence[Parameter]) -> FloatArray:
@@ -167,13 +185,7 @@ def follow_path(course: Course) -> Iterator[PathLevel]:
 
     Source: the paper's Algorithm 2.
     """
-    x = own_start(course.objective.parameters)
-    for level in range(course.schedule.levels):
-        step = _level(course, PATH, level, x, partial(_interior_point, course.misfit))
-        yield step
-        if step.change <= course.schedule.tolerance:
-            return
-        x = np.array(step.x)
+    return _levels(course, PATH, ())
 
 
 def global_path(course: Course, others: Sequence[FloatArray]) -> Iterator[PathLevel]:
@@ -186,38 +198,77 @@ def global_path(course: Course, others: Sequence[FloatArray]) -> Iterator[PathLe
     Raises:
         FmuFailure: the model failed inside the box.
     """
-    x = own_start(course.objective.parameters)
-    for level in range(course.schedule.levels):
-        begins = [x, *others]
-        step = _level(course, GLOBAL, level, x, partial(_multistart, course, begins))
+    return _levels(course, GLOBAL, others)
+
+
+def _levels(course: Course, kind: str, others: Sequence[FloatArray]) -> Iterator[PathLevel]:
+    """Levels as they were finished earlier, else solved and recorded."""
+    hooks, schedule, misfit = course.hooks, course.options.schedule, course.options.misfit
+    x, begun, spent = own_start(course.objective.parameters), hooks.clock(), 0
+    last: dict[str, float] = {}
+    for number in range(schedule.levels):
+        now, nu = hooks.clock(), schedule.nu(number)
+        state = Progress(
+            stage=kind,
+            done=number,
+            of=schedule.levels,
+            nu=nu,
+            **last,
+            evaluations=spent,
+            elapsed_s=now - begun,
+        )
+        hooks.progress(state)
+        memory = hooks.memory
+        step = None if memory is None else memory.recall(kind, course.alternative, number)
+        if step is None:
+            evaluator, pull = Evaluator(course.objective), weights(course.objective, nu, misfit)
+            if kind == PATH:
+                end = solve(evaluator, x, pull, misfit)
+            else:
+                end = _multistart(evaluator, course.options, pull, [x, *others])
+            second = second_value(evaluator, end.x, pull, misfit)
+            point = evaluator.point(end.x)
+            following = j_reg(end.x, weights(course.objective, nu * schedule.beta, misfit))
+            step = PathLevel(
+                kind=kind,
+                alternative=course.alternative,
+                level=number,
+                nu=nu,
+                x=tuple(map(float, end.x)),
+                parameters=tuple(map(float, point.parameters)),
+                j_fit=total(point, 0.0, misfit),
+                j_reg=j_reg(end.x, pull),
+                change=float(np.linalg.norm(end.x - x)) + abs(point.j_fit - following),
+                optimality=end.optimality,
+                second_j=second,
+                status="converged" if end.converged else "iteration limit",
+                message=end.message,
+                iterations=end.iterations,
+                evaluations=evaluator.counts.evaluations,
+                jacobians=evaluator.counts.jacobians,
+                runs=evaluator.counts.runs,
+                seconds=hooks.clock() - now,
+            )
+            words = "%s, ν = %.1e: J = %.6g, %s, %d iterations, %d evaluations, %.1f s"
+            counts = step.status, step.iterations, step.evaluations, step.seconds
+            _log.info(words, kind, nu, step.j, *counts)
+            if memory is not None:
+                memory.record(step)
         yield step
-        x = np.array(step.x)
-
-
-#: Solves one level: evaluator, Tikhonov weights, where it starts; J of a second solver with it.
-_Work = Callable[[Evaluator, FloatArray, FloatArray], tuple[Solve, float]]
-
-
-def _interior_point(
-    misfit: str, evaluator: Evaluator, nu: FloatArray, start: FloatArray
-) -> tuple[Solve, float]:
-    end = solve(evaluator, start, nu, misfit)
-    return end, second_value(evaluator, end.x, nu, misfit)
+        if kind == PATH and step.change <= schedule.tolerance:
+            return
+        x, spent = np.array(step.x), spent + step.evaluations
+        last = {"j_fit": step.j_fit, "j_reg": step.j_reg}
 
 
 def _multistart(
-    course: Course,
-    begins: Sequence[FloatArray],
-    evaluator: Evaluator,
-    nu: FloatArray,
-    start: FloatArray,
-) -> tuple[Solve, float]:
+    evaluator: Evaluator, options: Options, nu: FloatArray, begins: Sequence[FloatArray]
+) -> Solve:
     """The lowest end of all starts, its last digits with curvature."""
-    misfit, evaluator_of = course.misfit, partial(total, nu=nu, misfit=course.misfit)
-    box = Box(course.objective.parameters)
-    spread = box.spread(SCREENED, course.schedule.seed)
+    misfit, box = options.misfit, Box(evaluator.objective.parameters)
+    points = evaluator.points([*begins, *box.spread(SCREENED, options.schedule.seed)])
     chosen: list[FloatArray] = []
-    for point in sorted(evaluator.points([*begins, *spread]), key=evaluator_of):
+    for point in sorted(points, key=lambda each: total(each, nu, misfit)):
         if len(chosen) < STARTS and all(box.apart(point.x, x) > APART for x in chosen):
             chosen.append(point.x)
     ends = [solve(evaluator, x, nu, misfit, iterations=GLOBAL_ITERATIONS) for x in chosen]
@@ -227,51 +278,7 @@ def _multistart(
             evaluator, lowest.x, nu, misfit, iterations=GLOBAL_ITERATIONS, curved=curved
         )
         lowest = min(lowest, further, key=lambda end: end.value)
-    return lowest, second_value(evaluator, lowest.x, nu, misfit)
-
-
-def _level(course: Course, kind: str, level: int, x: FloatArray, work: _Work) -> PathLevel:
-    """A level as it was finished earlier, else solved and recorded."""
-    journal = course.journal
-    journal.entering(kind, course.alternative, level)
-    step = journal.recall(kind, course.alternative, level)
-    if step is None:
-        step = _solved(course, kind, level, x, work)
-        journal.record(step)
-    return step
-
-
-def _solved(course: Course, kind: str, level: int, x: FloatArray, work: _Work) -> PathLevel:
-    begun, schedule, misfit = course.journal.clock(), course.schedule, course.misfit
-    evaluator, nu = Evaluator(course.objective), schedule.nu(level)
-    pull = weights(course.objective, nu, misfit)
-    end, second = work(evaluator, pull, x)
-    point = evaluator.point(end.x)
-    following = j_reg(end.x, weights(course.objective, nu * schedule.beta, misfit))
-    step = PathLevel(
-        kind=kind,
-        alternative=course.alternative,
-        level=level,
-        nu=nu,
-        x=tuple(map(float, end.x)),
-        parameters=tuple(map(float, point.parameters)),
-        j_fit=total(point, 0.0, misfit),
-        j_reg=j_reg(end.x, pull),
-        change=float(np.linalg.norm(end.x - x)) + abs(point.j_fit - following),
-        optimality=end.optimality,
-        second_j=second,
-        status="converged" if end.converged else "iteration limit",
-        message=end.message,
-        iterations=end.iterations,
-        evaluations=evaluator.counts.evaluations,
-        jacobians=evaluator.counts.jacobians,
-        runs=evaluator.counts.runs,
-        seconds=course.journal.clock() - begun,
-    )
-    words = "%s, ν = %.1e: J = %.6g, %s, %d iterations, %d evaluations, %.1f s"
-    counts = step.status, step.iterations, step.evaluations, step.seconds
-    _log.info(words, kind, nu, step.j, *counts)
-    return step
+    return lowest
 
 
 def history_rows(course: Course, levels: Sequence[PathLevel]) -> tuple[HistoryRow, ...]:
@@ -285,10 +292,11 @@ def history_rows(course: Course, levels: Sequence[PathLevel]) -> tuple[HistoryRo
         return ()
     objective, evaluator = course.objective, Evaluator(course.objective)
     x = own_start(objective.parameters)
-    point, pull = evaluator.point(x), weights(objective, course.schedule.nu(0), course.misfit)
+    misfit, nu = course.options.misfit, course.options.schedule.nu(0)
+    point, pull = evaluator.point(x), weights(objective, nu, misfit)
     nothing: dict[str, Any] = {each.name: math.nan for each in fields(Level)}
     counts = {"iterations": 0, "evaluations": 0, "seconds": 0.0}
-    j = {"j_fit": total(point, 0.0, course.misfit), "j_reg": j_reg(x, pull)}
+    j = {"j_fit": total(point, 0.0, misfit), "j_reg": j_reg(x, pull)}
     where = {"level": -1, "status": "start", "message": "where the levels begin"}
     rows = [{**nothing, **counts, **j, **where}]
     rows += [{each.name: getattr(level, each.name) for each in fields(Level)} for level in levels]

@@ -32,8 +32,8 @@ from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.outputs import output_means
-from fitting.fit.search.minima import SCREENED, screened
-from fitting.fit.search.twins import (
+from fitting.fit.search import POINTS, screened
+from fitting.fit.twins import (
     Twin,
     find_twins,
     sampling_twins,
@@ -198,12 +198,10 @@ def _evaluator(
 ) -> LikelihoodEvaluator:
     """Of the likelihood of the data, or of what the model gives at the solution."""
     names = tuple(output_means(objective.response, objective.parameters, [solution]))
-    likelihood = likelihood_of(objective, noise.sigma, noise.common, names, noise.bounded)
+    likelihood = likelihood_of(objective, noise, names)
     [point] = evaluate_many(objective, [solution])
-    if options.data:
-        likelihood = replace(likelihood, scatter=noise.scatter)
-    else:
-        likelihood = replace(likelihood, shift=point.residuals)
+    if not options.data:
+        likelihood = replace(likelihood, shift=point.residuals, scatter=np.empty(0))
     limit = usual_budget(point.runs) if options.budget is None else options.budget
     return LikelihoodEvaluator(likelihood, limit, options.progress)
 
@@ -262,7 +260,7 @@ def _searched(evaluator: LikelihoodEvaluator, options: InferenceOptions) -> list
         begins = [
             x
             for screen in range(SCREENS)
-            for x in screened(evaluator, options.seed, skip=SCREENED * screen)
+            for x in screened(evaluator, options.seed, skip=POINTS * screen)
         ]
         started = expand(evaluator, begins, outputs=False) if begins else []
     except Exhausted:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from fitting.campaign.parameters import to_model
-from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
 from fitting.fit.optimum import Optimum, most_likely
@@ -125,7 +125,7 @@ def equal_fit(
         noise: of the rows.
     """
     found = [
-        most_likely(LikelihoodEvaluator(likelihood_with(objective, noise)), begins)
+        most_likely(LikelihoodEvaluator(likelihood_of(objective, noise)), begins)
         for objective, begins in (here, other)
     ]
     own, there = found

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import own_count, references, search_bounds, starts, to_search
-from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.fit.optimum import FEW_OWN, most_likely
+from fitting.fit.optimum import most_likely
 from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
 from fitting.inference.checks.solutions import residual_findings
@@ -23,6 +23,9 @@ from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, note
+
+#: Parameters of single experiments that are few.
+FEW_OWN = 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +161,7 @@ def _noise(
     is_known = bool(np.all(objective.data.sigma > 0.0))
     if expected or (is_known and not point.residuals[curves].size):
         return noise, None
-    evaluator = LikelihoodEvaluator(likelihood_with(objective, noise))
+    evaluator = LikelihoodEvaluator(likelihood_of(objective, noise))
     optimum = most_likely(evaluator, [begin])
     [point] = evaluate_many(objective, [evaluator.likelihood.folded(optimum.expansion.x)])
     noise = noise_of(objective, point)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fitting.campaign.parameters import search_bounds, to_model, to_search
 from fitting.fit.fit import Fit, Status, fit_from
-from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.optimum import active_bounds_at, most_likely
@@ -334,7 +334,6 @@ def _determined(
     noise = noise_at(solution)
     # what one experiment holds has a table of its own
     everything = (*(p.name for p in solution.parameters if not p.experiments), *fit.problem.outputs)
-    searched = () if fit.outcome.search is None else fit.outcome.search.minima
     try:
         options = InferenceOptions(
             units=request.units,
@@ -344,14 +343,14 @@ def _determined(
             bootstrap=request.bootstrap,
             structure=solution.structure,
             only=request.only or everything,
-            minima=[*(minimum.x for minimum in searched), *known],
+            minima=[*(minimum.x for minimum in fit.outcome.minima), *known],
             twins=fit.outcome.twins,
             closer=unseen(solution) or closer_form(solution, sweeps.fits),
             scale_off=_scale_off(solution, sweeps),
             progress=request.progress,
         )
         found = determine(solution.objective, solution.final.x, noise, options)
-        plain = likelihood_with(solution.objective, solution.noise)
+        plain = likelihood_of(solution.objective, solution.noise)
         describes = found.knowledge.adequacy.describes and fit.status is Status.CONVERGED
         nu = choose_nu(plain, fit.levels, fit.path, describes=describes) if fit.levels else None
         return replace(found, knowledge=replace(found.knowledge, nu=nu)), ()
@@ -371,7 +370,7 @@ def _best(fit: Fit, sweeps: SweepFindings) -> _Reading:
     stood = _Reading(solution.final.parameters, None, solution.errors.inflation)
     if fit.status is Status.INTERRUPTED:
         return stood
-    evaluator = LikelihoodEvaluator(likelihood_with(solution.objective, noise_at(solution)))
+    evaluator = LikelihoodEvaluator(likelihood_of(solution.objective, noise_at(solution)))
     try:
         optimum = most_likely(evaluator, [solution.final.x])
     except (FmuFailure, KeyboardInterrupt):
@@ -411,9 +410,9 @@ def _alternatives(fit: Fit, noise: RowNoise) -> tuple[Equivalent, ...]:
     """Alternatives of the model that fit as well at their most likely points."""
     here = fit.solution.objective, [fit.solution.final.x]
     found = []
-    for k, (objective, outcome) in enumerate(zip(fit.objectives, fit.outcomes, strict=True)):
+    for k, outcome in enumerate(fit.outcomes):
         if k == fit.reported:
             continue
-        there = objective, [outcome.x]
+        there = outcome.objective, [outcome.x]
         found.append(equal_fit(there, here, fit.problem.alternatives[k], noise))
     return tuple(equal for equal in found if equal is not None)

@@ -18,7 +18,6 @@ from fitting.campaign.parameters import Parameter
 from fitting.fmu import Run
 from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.few_places import evenly
 from fitting.measurements.measurement import Evaluation, Measurement
 from fitting.signal.window import tone_misfit
 from fitting.simulate.batch import Batch, Workers, answered, together
@@ -163,10 +162,11 @@ class FmuResponse:
         if self.most_places is None:
             return places
         share = min(1.0, self.most_places / max(1, sum(map(len, places.values()))))
-        return {
-            series: [result[k] for k in evenly(len(result), math.ceil(share * len(result)))]
-            for series, result in places.items()
-        }
+        kept = {}
+        for series, every in places.items():
+            index = np.linspace(0, len(every) - 1, math.ceil(share * len(every)))
+            kept[series] = [every[round(k)] for k in index]
+        return kept
 
     def _outputs(
         self,

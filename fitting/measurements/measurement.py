@@ -35,7 +35,7 @@ from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
 
@@ -435,13 +435,6 @@ class Measurement:
                 "this kind of measurement is not divided"
             )
         return self if inside else None
-
-    def few_places(self) -> tuple[Self, BoolArray] | None:
-        """A few of many places that represent all, and which of the rows (rows,) these have.
-
-        None where there are few places, or where parts of it are not simulated apart.
-        """
-        return None
 
 
 def without_drive(setup: Setup, settings: Mapping[str, Scalar]) -> tuple[Setup, dict[str, Scalar]]:

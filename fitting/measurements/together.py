@@ -14,7 +14,6 @@ from fitting.campaign import Setup
 from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.datum_noise import least_noise
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.few_places import few_of
 from fitting.measurements.figure import Figure
 from fitting.measurements.measurement import (
     Measurement,
@@ -29,7 +28,7 @@ from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
 
@@ -317,11 +316,3 @@ class SweepsTogether(CurvesTogether[C]):
         """
         kept = tuple(x for x in self.records if x.label in labels)
         return self.of_records(kept) if kept else None
-
-    def few_places(self) -> tuple[Self, BoolArray] | None:
-        """Records at few values of the controls, the outermost ones and others evenly between."""
-        kept = few_of([x.settings for x in self.records])
-        if kept is None:
-            return None
-        rows = np.repeat(kept, [x.rows for x in self.records])
-        return self.of_records(itertools.compress(self.records, kept)), rows

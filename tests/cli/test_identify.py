@@ -122,7 +122,7 @@ def test_before_a_measurement_the_expected_data_say_what_it_would_determine(
 def line() -> tuple[Optimum, Determined]:
     objective = single_line.line_objective(sigma=SIGMA, span=SPAN)
     sigma = objective.data.sigma
-    likelihood = likelihood_of(objective, sigma, np.zeros((sigma.size, 0)), ("Q",))
+    likelihood = likelihood_of(objective, RowNoise(sigma, np.zeros((sigma.size, 0))), ("Q",))
     optimum = most_likely(LikelihoodEvaluator(likelihood), [np.zeros(3)])
     return optimum, determine(
         objective, optimum.expansion.x, RowNoise(sigma, np.zeros((sigma.size, 0)))

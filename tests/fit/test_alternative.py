@@ -12,17 +12,15 @@ from fitting.campaign.parameters import to_model
 from fitting.fit import alternative
 from fitting.fit.alternative import (
     Outcome,
-    Solved,
     best_alternative,
     chi_squares,
-    distances,
     search_alternative,
     with_values,
 )
 from fitting.fit.objective import Objective
-from fitting.fit.path import Schedule
-from fitting.fit.search.minima import Minimum, Search
-from fitting.fit.search.twins import Twin
+from fitting.fit.options import Schedule
+from fitting.fit.search import Minimum, SearchResult
+from fitting.fit.twins import Twin
 from fitting.text.arrays import FloatArray
 from tests.support.rows import RowsResponse, rows_objective
 from tests.support.whitened import parameter, whitened
@@ -52,7 +50,7 @@ def test_a_lower_minimum_elsewhere_is_reported() -> None:
     assert place(objective, outcome.x) == pytest.approx(2.0, abs=1e-2)
     assert outcome.converged
     assert outcome.search is not None
-    assert sorted(round(place(objective, m.x)) for m in outcome.search.minima) == [-2, 2]
+    assert sorted(round(place(objective, m.x)) for m in outcome.minima) == [-2, 2]
     assert outcome.counts.evaluations > outcome.search.evaluations > 0
     assert not outcome.interrupted
 
@@ -80,12 +78,11 @@ def test_of_minima_that_are_as_likely_that_from_the_reference_is_reported() -> N
 def test_what_mirrors_a_solved_alternative_takes_its_search_over() -> None:
     first = wells(3.0, 1.0, 0.0)
     outcome = searched(first)
-    mirrored = search_alternative(wells(1.0, 3.0, 0.0), Schedule(), [Solved(first, outcome)])
+    mirrored = search_alternative(wells(1.0, 3.0, 0.0), Schedule(), [outcome])
     assert mirrored.search is not None
     assert outcome.search is not None
-    assert mirrored.search.mirrored
-    assert (mirrored.search.evaluations, mirrored.search.runs) == (0, 0)
-    assert len(mirrored.search.minima) == len(outcome.search.minima)
+    assert (mirrored.search.evaluations, mirrored.search.fmu_runs) == (0, 0)
+    assert len(mirrored.minima) == len(outcome.minima)
     assert mirrored.x == pytest.approx(-outcome.x)
     assert mirrored.converged
 
@@ -121,26 +118,28 @@ def even() -> Objective:
 def at(x: float, *others: tuple[float, float], twin: Twin | None = None) -> Outcome:
     """An end, other minima with their chi square, and a symmetry."""
     minima = tuple(
-        Minimum(x=np.array([y]), begun=np.array([y]), chi_square=square, reached=True)
-        for y, square in others
+        Minimum(x=np.array([y]), begun=np.array([y]), chi_square=square) for y, square in others
     )
-    search = Search(
-        minima=minima,
+    search = SearchResult(
         screened=1,
         screens=1,
         descents=1,
         explained=True,
         evaluations=1,
-        runs=1,
+        fmu_runs=1,
     )
     return Outcome(
-        np.array([x]), search=search if others else None, twins=() if twin is None else (twin,)
+        objective=even(),
+        x=np.array([x]),
+        search=search if others else None,
+        minima=minima,
+        twins=() if twin is None else (twin,),
     )
 
 
 def test_an_equivalent_end_at_which_every_output_has_a_value_comes_first() -> None:
     def end(outcome: Outcome) -> float:
-        return float(with_values(even(), outcome).x[0])
+        return float(with_values(outcome).x[0])
 
     assert end(at(-2.0, (2.0, 4.0), (-2.0, 4.0))) == -2.0
     assert end(at(2.0, (2.0, 4.0), (-1.9, 4.0))) == -1.9
@@ -174,14 +173,6 @@ def test_alternatives_are_compared_by_the_noise_of_the_first() -> None:
     """Noise that nobody stated is the scatter of two rows: 0.05 each, and twice that."""
     near = rows_objective(lambda p: np.array([0.05, -0.05]), [-1.0], [1.0])
     far = rows_objective(lambda p: np.array([0.1, -0.1]), [-1.0], [1.0])
-    values, points = chi_squares([near, far], [Outcome(np.zeros(1)), Outcome(np.zeros(1))])
+    values, points = chi_squares([Outcome(objective=o, x=np.zeros(1)) for o in (near, far)])
     assert values[1] == pytest.approx(4.0 * values[0])
     assert points[1].residuals == pytest.approx([0.1, -0.1])
-
-
-def test_distances_know_periods() -> None:
-    turning = parameter("t", -9.0, 9.0, period=2.0 * np.pi), parameter("d", -9.0, 9.0)
-    x = np.array([0.1, 0.0])
-    assert distances(turning, x, x + np.array([2.0 * np.pi - 0.2, 0.3])) == pytest.approx(
-        [0.2, 0.3]
-    )

@@ -11,12 +11,10 @@ import pytest
 from fitting.campaign.parameters import Parameter, to_model, to_search
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
-from fitting.fit.search import evolution
-from fitting.fit.search.box import Box
-from fitting.fit.search.minima import Minimum, Search, screened, search_box, worth
-from fitting.fit.search.scans import scanned
-from fitting.fit.search.twins import find_twins
+from fitting.fit.search import Box, Minimum, along_edges, lowest, screened, search_box, worth
+from fitting.fit.twins import find_twins
 from fitting.text.arrays import FloatArray
 from tests.support.datasets import dataset
 from tests.support.rows import RowsResponse
@@ -85,7 +83,9 @@ def evaluator_of(
 ) -> LikelihoodEvaluator:
     objective = whitened(rows, *parameters)
     size = objective.data.sigma.size
-    return LikelihoodEvaluator(likelihood_of(objective, np.full(size, SIGMA), np.zeros((size, 0))))
+    return LikelihoodEvaluator(
+        likelihood_of(objective, RowNoise(np.full(size, SIGMA), np.zeros((size, 0))))
+    )
 
 
 def wells(p: FloatArray) -> FloatArray:
@@ -98,8 +98,7 @@ TWO = (parameter("x", -6.0, 6.0), parameter("y", -6.0, 6.0))
 
 def test_all_wells_are_found_the_lowest_first() -> None:
     evaluator = evaluator_of(wells, *TWO)
-    search = search_box(evaluator, [np.array([-3.0, 0.0])], 1, 10**6)
-    low, high = search.minima
+    (low, high), search = search_box(evaluator, [np.array([-3.0, 0.0])], 1, 10**6)
     assert low.x == pytest.approx([2.0, 1.0], abs=0.02)
     assert low.chi_square == pytest.approx(0.0, abs=2e-3)
     # beside the other the second row tilts the well: 16 (x^2 - 4) 2 x + 2.25 (x - 2) = 0 near -2
@@ -109,77 +108,49 @@ def test_all_wells_are_found_the_lowest_first() -> None:
     assert (search.screened, search.screens) == (64, 1)  # noise explains it at once
     assert search.descents == low.descents + high.descents == 9
     assert search.evaluations == evaluator.evaluations
-    assert search.apart_by_height() == ([low], [high])
+    assert lowest([low, high]) == [low]
 
 
 def test_what_noise_does_not_explain_is_screened_on_to_the_budget() -> None:
     """A row of ten that nothing lowers. Each screen is as many points as there were before."""
     offset = lambda p: np.append(wells(p), 10.0)  # noqa: E731
     for budget, most in ((1, 1), (500, 4)):
-        search = search_box(evaluator_of(offset, *TWO), [], 1, budget)
+        minima, search = search_box(evaluator_of(offset, *TWO), [], 1, budget)
         assert not search.explained
         assert min(budget, 2) <= search.screens <= most
         assert search.evaluations >= budget
         assert search.screened == 64 * 2 ** (search.screens - 1)
         assert search.descents == 8 * search.screens
-        assert search.minima[0].chi_square == pytest.approx(100.0, abs=2e-3)
+        assert minima[0].chi_square == pytest.approx(100.0, abs=2e-3)
 
 
 def test_boxes_of_more_parameters_are_screened_by_more_points() -> None:
     for count, points in ((3, 64), (4, 128)):
         own = [parameter(f"x{i}", -6.0, 6.0) for i in range(count)]
         evaluator = evaluator_of(lambda p: np.append(3.0 * (p - 1.0), np.zeros(2)), *own)
-        search = search_box(evaluator, [], 1, 10**6)
+        minima, search = search_box(evaluator, [], 1, 10**6)
         assert search.explained
         assert search.screened == points
-        assert len(search.minima) == 1
+        assert len(minima) == 1
 
 
-@pytest.mark.parametrize(("minima", "evolutions"), [(1, 1), (2, 2)])
-def test_scans_and_evolutions_are_rounds_more(
-    minima: int, evolutions: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A row of ten that nothing lowers, four parameters, one generation after the first.
-
-    A scan behind the screen finds no other minimum, so that nothing descends from there; a finer
-    one finds none, either, and is the last. Where there is one minimum evolution is not repeated.
-    """
-    monkeypatch.setattr(evolution, "GENERATIONS", 1)
-    own = [parameter(f"x{i}", -6.0, 6.0) for i in range(4)]
-
-    def rows(p: FloatArray) -> FloatArray:
-        first = p[0] if minima == 1 else (p[0] ** 2 - 4.0) / 4.0
-        return np.array([3.0 * first, *(3.0 * p[1:]), 0.0, 10.0])
-
-    search = search_box(evaluator_of(rows, *own), [], 1, 1)
-    assert not search.explained
-    assert search.screens == 1 + 1 + evolutions + 1
-    besides = 4 if minima > 1 else 0  # from where the scan found the other one
-    assert search.descents == 8 * (1 + evolutions) + besides
-    one_scan = minima * 4 * (64 + 1)
-    by_evolution = search.screened - (128 + one_scan + minima * 4 * (256 + 1))
-    # two generations of 15 members a parameter
-    assert evolutions * 60 <= by_evolution <= evolutions * 2 * 64
-
-
-def test_a_scan_finds_the_other_well_along_an_edge() -> None:
+def test_a_line_finds_the_other_well_along_an_edge() -> None:
     """Through the well at (2, 1): along x the one near -2, the other edge has none."""
-    evaluator, box = evaluator_of(wells, *TWO), Box(TWO)
-    [found], looked_at = scanned(evaluator, box, [np.array([2.0, 1.0])], number=64, wanted=12)
-    assert found == pytest.approx([-1.965, 1.0], abs=0.5 * 12.0 / 64.0)
-    assert looked_at == 2 * (64 + 1)
-    through_both = [np.array([2.0, 1.0]), np.array([-1.965, 1.0])]
-    points, looked_at = scanned(evaluator, box, through_both, number=64, wanted=12)
+    evaluator = evaluator_of(wells, *TWO)
+    [x], number = along_edges(evaluator, [np.array([2.0, 1.0])], 0.5)
+    assert x == pytest.approx([-1.965, 1.0], abs=0.5 * 12.0 / 64.0)
+    assert number == 2 * (64 + 1)
+    points, number = along_edges(evaluator, [np.array([2.0, 1.0]), np.array([-1.965, 1.0])], 0.5)
     assert [p[0] > 0.0 for p in points] == [True, False]  # the better one first
-    assert looked_at == 2 * 2 * (64 + 1)
-    assert len(scanned(evaluator, box, through_both, number=64, wanted=1)[0]) == 1
+    assert number == 2 * 2 * (64 + 1)
 
 
 @pytest.mark.parametrize("centre", [-3.0, 0.55, 3.5])
 def test_a_narrow_valley_below_what_noise_barely_explains_is_found(centre: float) -> None:
     """Chi square 18.5 on 12 degrees of freedom nearly everywhere (P = 0.10), 4 in a valley.
 
-    It is there only where the other parameters are near their values, so that no screen sees it.
+    It is there only where the other parameters are near their values, so that no points that fill
+    the box meet it.
     """
 
     def rows(p: FloatArray) -> FloatArray:
@@ -189,14 +160,14 @@ def test_a_narrow_valley_below_what_noise_barely_explains_is_found(centre: float
         return np.concatenate([free, 30.0 * others, np.ones(4), np.zeros(8)])
 
     own = [parameter(f"x{i}", -6.0, 6.0) for i in range(5)]
-    search = search_box(evaluator_of(rows, *own), [np.array([5.0] + 4 * [1.0])], 1, 10**6)
-    assert search.minima[0].x == pytest.approx([centre] + 4 * [1.0], abs=0.1)
-    assert search.minima[0].chi_square == pytest.approx(4.0, abs=0.1)
+    minima, _ = search_box(evaluator_of(rows, *own), [np.array([5.0] + 4 * [1.0])], 1, 3300)
+    assert minima[0].x == pytest.approx([centre] + 4 * [1.0], abs=0.1)
+    assert minima[0].chi_square == pytest.approx(4.0, abs=0.1)
 
 
 def test_without_unknowns_only_the_starts_are_let_down() -> None:
     evaluator = evaluator_of(lambda p: np.array([p[0] - 0.4, 0.0]), PRIOR)
-    search = search_box(evaluator, [np.zeros(1)], 1, 10**6)
+    _, search = search_box(evaluator, [np.zeros(1)], 1, 10**6)
     assert (search.screened, search.screens, search.descents) == (0, 0, 1)
 
 
@@ -227,13 +198,11 @@ def test_a_difference_of_one_counts_or_of_a_hundredth(chi_square: float, counts:
     assert worth(chi_square) == counts
 
     def minimum(height: float) -> Minimum:
-        return Minimum(x=np.zeros(1), begun=np.zeros(1), chi_square=height, reached=True)
+        return Minimum(x=np.zeros(1), begun=np.zeros(1), chi_square=height)
 
-    minima = tuple(minimum(chi_square + step * counts) for step in (0.0, 0.99, 1.01))
-    told: dict[str, Any] = {"screened": 0, "screens": 0, "descents": 3, "explained": True}
-    search = Search(minima=minima, evaluations=0, runs=0, **told)
-    assert search.apart_by_height() == (list(minima[:2]), [minima[2]])
-    assert Search(minima=(), evaluations=0, runs=0, **told).apart_by_height() == ([], [])
+    minima = [minimum(chi_square + step * counts) for step in (0.0, 0.99, 1.01)]
+    assert lowest(minima) == minima[:2]
+    assert lowest([]) == []
 
 
 # --- twins

@@ -20,8 +20,7 @@ from fitting.campaign.joint import series_names
 from fitting.fit.alternative import search_alternative
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.objective import Objective, evaluate_many
-from fitting.fit.options import options_of
-from fitting.fit.path import Schedule
+from fitting.fit.options import Schedule, options_of
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
 from fitting.fmu import FmuWorkers, read_description

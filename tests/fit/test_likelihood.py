@@ -20,6 +20,7 @@ from fitting.fit.likelihood import (
     likelihood_of,
 )
 from fitting.fit.linearisation import SMALLEST_SIGMA
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
@@ -36,7 +37,7 @@ def straight() -> Objective:
 
 
 def free(objective: Objective, size: int) -> Likelihood:
-    return likelihood_of(objective, np.full(size, 0.01), np.zeros((size, 0)))
+    return likelihood_of(objective, RowNoise(np.full(size, 0.01), np.zeros((size, 0))))
 
 
 @pytest.mark.parametrize("inflation", [1.0, 1.7])
@@ -46,7 +47,7 @@ def test_chi_square_is_minus_twice_the_logarithm_of_the_density(inflation: float
     common = 0.02 * GENERATOR.standard_normal((5, 2))
     own = parameter("a", -10.0, 10.0, prior=0.4, scale=2.0), parameter("b", -10.0, 10.0)
     objective = whitened(lambda p: MATRIX @ p, *own)
-    likelihood = replace(likelihood_of(objective, sigma, common), inflation=inflation)
+    likelihood = replace(likelihood_of(objective, RowNoise(sigma, common)), inflation=inflation)
     evaluator = LikelihoodEvaluator(likelihood)
     covariance = inflation**2 * (np.diag(sigma**2) + common @ common.T)
     chi, minus_twice = [], []
@@ -64,13 +65,13 @@ def test_chi_square_is_minus_twice_the_logarithm_of_the_density(inflation: float
 
 def test_a_shift_is_taken_off_and_rows_are_known_no_better_than_differences() -> None:
     objective = rows_objective(lambda p: np.array([p[0], 2.0 * p[0]]), [-1.0], [1.0])
-    own = likelihood_of(objective, np.array([0.1, 0.0]), np.zeros((2, 0)))
+    own = likelihood_of(objective, RowNoise(np.array([0.1, 0.0]), np.zeros((2, 0))))
     shifted = replace(own, shift=np.array([0.05, 0.0]))
     rows = LikelihoodEvaluator(shifted).one(np.array([0.2])).rows
     assert rows == pytest.approx([1.5, 0.4 / SMALLEST_SIGMA, 0.0], rel=1e-9)
     assert own.bounded.columns == 0
     told = BoundedErrors(np.ones(2), np.zeros((2, 0)))
-    kept = likelihood_of(objective, np.ones(2), np.zeros((2, 0)), bounded=told)
+    kept = likelihood_of(objective, RowNoise(np.ones(2), np.zeros((2, 0)), bounded=told))
     assert kept.bounded is told
 
 
@@ -79,7 +80,8 @@ def test_what_goes_round_comes_back_and_the_rest_is_cut() -> None:
     plain = parameter("b", -1.0, 2.0)
     narrow = parameter("c", 0.0, 1.5, period=2.0)
     likelihood = likelihood_of(
-        whitened(lambda p: np.zeros(4), turning, plain, narrow), np.ones(4), np.zeros((4, 0))
+        whitened(lambda p: np.zeros(4), turning, plain, narrow),
+        RowNoise(np.ones(4), np.zeros((4, 0))),
     )
     # a box of a whole period has no limits, one of less has
     assert likelihood.periods.tolist() == [4.0, math.inf, math.inf]
@@ -93,7 +95,9 @@ def test_what_goes_round_comes_back_and_the_rest_is_cut() -> None:
 
 def test_what_a_model_declares_in_units_of_the_search() -> None:
     own = parameter("a", 1.0, 5.0, least=0.0, most=9.0, scale=0.5)
-    likelihood = likelihood_of(whitened(lambda p: np.zeros(4), own), np.ones(4), np.zeros((4, 0)))
+    likelihood = likelihood_of(
+        whitened(lambda p: np.zeros(4), own), RowNoise(np.ones(4), np.zeros((4, 0)))
+    )
     least, most = likelihood.declared
     assert (least.tolist(), most.tolist()) == ([-6.0], [12.0])
 
@@ -137,7 +141,9 @@ def test_each_request_is_answered_with_what_it_asks_for() -> None:
         sum=lambda p: p[0] + p[1],
         product=lambda p: p[0] * p[1],
     )
-    likelihood = likelihood_of(objective, np.full(5, 0.01), np.zeros((5, 0)), ["product", "sum"])
+    likelihood = likelihood_of(
+        objective, RowNoise(np.full(5, 0.01), np.zeros((5, 0))), ["product", "sum"]
+    )
     evaluator = LikelihoodEvaluator(likelihood)
     x = np.array([2.0, 3.0])
     both, rows, outputs = evaluator(

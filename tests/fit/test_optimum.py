@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from fitting.campaign.parameters import to_model
 from fitting.fit.levenberg import Constraint, Expansion, expand
-from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many
 from fitting.fit.optimum import (
@@ -237,7 +237,7 @@ def test_without_a_slope_noise_has_the_freedom_of_all_rows() -> None:
     line = [parameter(name, -10.0, 10.0) for name in ("height", "slope")]
     objective = whitened(lambda p: p[0] + p[1] * times + scattered, *line, known=False)
     [point] = evaluate_many(objective, [np.zeros(2)])
-    evaluator = LikelihoodEvaluator(likelihood_with(objective, noise_of(objective, point)))
+    evaluator = LikelihoodEvaluator(likelihood_of(objective, noise_of(objective, point)))
     optimum = most_likely(evaluator, [np.zeros(2)])
     assert optimum.noise_freedom == pytest.approx(3.0, rel=1e-2)
     assert optimum.chi_square == pytest.approx(3.0, rel=1e-2)

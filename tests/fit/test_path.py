@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +14,16 @@ import pytest
 import fitting as ff
 from fitting.campaign import ContinuationSettings
 from fitting.campaign.parameters import search_bounds, to_search
-from fitting.fit.fit import MOST_SLACKS, Hooks, Status, solve_problem, with_path
+from fitting.fit.fit import MOST_SLACKS, Status, solve_problem, with_path
 from fitting.fit.objective import Objective, make_objective
-from fitting.fit.options import Options, options_of
+from fitting.fit.options import Options, Schedule, options_of
 from fitting.fit.path import (
     GLOBAL,
     PATH,
     Course,
-    Journal,
+    Hooks,
     PathLevel,
-    Schedule,
+    Progress,
     follow_path,
     global_path,
     history_rows,
@@ -44,14 +44,26 @@ def objective() -> Objective:
     return make_objective(response, closed_form.string_parameters(), measured)
 
 
-def course(objective: Objective, journal: Journal | None = None, **schedule: float) -> Course:
+def course(objective: Objective, hooks: Hooks | None = None, **schedule: float) -> Course:
     return Course(
         objective=objective,
-        schedule=Schedule(**schedule),  # type: ignore[arg-type]
-        misfit="slack",
+        options=Options(schedule=Schedule(**schedule)),  # type: ignore[arg-type]
         alternative=0,
-        journal=journal or Journal(),
+        hooks=hooks or Hooks(),
     )
+
+
+@dataclass
+class Kept:
+    """Levels in memory."""
+
+    levels: dict[tuple[str, int, int], PathLevel] = field(default_factory=dict)
+
+    def recall(self, kind: str, alternative: int, level: int) -> PathLevel | None:
+        return self.levels.get((kind, alternative, level))
+
+    def record(self, level: PathLevel) -> None:
+        self.levels[level.kind, level.alternative, level.level] = level
 
 
 @pytest.fixture(scope="module")
@@ -99,21 +111,20 @@ def test_a_level_that_was_finished_is_not_solved_again(
     objective: Objective, levels: list[PathLevel]
 ) -> None:
     """Stopped after three, resumed from them: the same to the last bit."""
-    done: list[PathLevel] = []
+    kept = Kept()
 
-    def entering(kind: str, alternative: int, level: int) -> None:
-        if len(done) == 3:
+    def stop(state: Progress) -> None:
+        if state.done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        list(follow_path(course(objective, Journal(record=done.append, entering=entering))))
-    kept = {(level.kind, level.alternative, level.level): level for level in done}
-    journal = Journal(recall=lambda *key: kept.get(key), record=done.append)
-    again = list(follow_path(course(objective, journal)))
+        list(follow_path(course(objective, Hooks(progress=stop, memory=kept))))
+    assert len(kept.levels) == 3
+    again = list(follow_path(course(objective, Hooks(memory=kept))))
     assert [replace(level, seconds=0.0) for level in again] == [
         replace(level, seconds=0.0) for level in levels
     ]
-    assert len(done) == len(levels)
+    assert len(kept.levels) == len(levels)
 
 
 def test_the_history_begins_with_the_start(objective: Objective, levels: list[PathLevel]) -> None:

@@ -20,11 +20,10 @@ from scipy.stats import norm
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.cli import reconstruct as command
 from fitting.fit import alternative, checkpoint
-from fitting.fit.fit import Hooks, Progress
 from fitting.fit.likelihood import LikelihoodEvaluator
 from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.options import options_of
-from fitting.fit.path import PATH, PathLevel
+from fitting.fit.path import PATH, Hooks, PathLevel, Progress
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.measurements.response_curve import ResponseCurve

@@ -17,10 +17,9 @@ from fitting.fit.alternative import Outcome
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.fit import Fit, Status, solve_problem
 from fitting.fit.objective import Objective
-from fitting.fit.options import Options
-from fitting.fit.path import Schedule
+from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
-from fitting.fit.search.minima import Minimum, Search
+from fitting.fit.search import Minimum, SearchResult
 from fitting.inference.adequacy import chi_square_test
 from fitting.inference.checks.solutions import search_findings
 from fitting.inference.infer import Inference, InferenceRequest, infer
@@ -199,19 +198,19 @@ def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
 def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
     """It is not the one by which the model is judged: that may lie beyond the box, and lower."""
     minima = tuple(
-        Minimum(x=np.zeros(1), begun=np.zeros(1), chi_square=height, reached=True)
-        for height in (4900.0, 7000.0)
+        Minimum(x=np.zeros(1), begun=np.zeros(1), chi_square=height) for height in (4900.0, 7000.0)
     )
-    search = Search(
-        minima=minima,
+    search = SearchResult(
         screened=64,
         screens=1,
         descents=2,
         explained=False,
         evaluations=0,
-        runs=0,
+        fmu_runs=0,
     )
-    [found] = search_findings(Outcome(np.zeros(1), search=search))
+    objective = whitened(lambda p: p, parameter("a", -1.0, 1.0))
+    outcome = Outcome(objective=objective, x=np.zeros(1), search=search, minima=minima)
+    [found] = search_findings(outcome)
     assert found.numbers == {
         "points": 64.0,
         "lowest": 1.0,
@@ -220,7 +219,7 @@ def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
         "next_chi_square": 7000.0,
     }
     explained = replace(search, explained=True)
-    assert not [*search_findings(Outcome(np.zeros(1), search=explained))]
+    assert not [*search_findings(replace(outcome, search=explained))]
 
 
 def test_of_intervals_that_nobody_gives_no_sentence_is_printed() -> None:

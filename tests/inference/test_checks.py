@@ -17,7 +17,7 @@ import fitting as ff
 from fitting.fit.fit import Status
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.path import HistoryRow
-from fitting.fit.search.minima import Minimum, Search
+from fitting.fit.search import Minimum, SearchResult
 from fitting.inference.checks.mistakes import check_exchanged_peaks, check_peaks, single_rows
 from fitting.inference.checks.solutions import (
     check_bounds,
@@ -309,19 +309,16 @@ def test_a_minimum_as_low_is_named_where_a_value_that_is_held_differs(honest: So
     fit, axis = replace(honest.fit, solution=solution), np.eye(n)[0]
     for sigmas, count in ((10.0, 1), (2.0, 0)):
         places = [fit.outcome.x, fit.outcome.x + 0.01 * sigmas * axis]
-        minima = tuple(
-            Minimum(x=x, begun=x, chi_square=4.0, reached=True, descents=1) for x in places
-        )
-        search = Search(
-            minima=minima,
+        minima = tuple(Minimum(x=x, begun=x, chi_square=4.0, descents=1) for x in places)
+        search = SearchResult(
             screened=64,
             screens=1,
             descents=2,
             explained=True,
             evaluations=0,
-            runs=0,
+            fmu_runs=0,
         )
-        outcome = replace(fit.outcome, search=search)
+        outcome = replace(fit.outcome, search=search, minima=minima)
         outcomes = tuple(outcome if o is fit.outcome else o for o in fit.outcomes)
         solved = replace(honest, fit=replace(fit, outcomes=outcomes))
         assert [f.kind for f in check_minima(solved)] == [Kind.equal_objective] * count

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fitting.fit.fit import solve_problem
-from fitting.fit.options import Options
-from fitting.fit.path import Schedule
+from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.text.finding import Kind, of_kind

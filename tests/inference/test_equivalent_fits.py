@@ -34,7 +34,8 @@ def test_of_equal_fits_one_with_every_value_is_reported() -> None:
 
     def best(*places: np.ndarray) -> int:
         xs = [to_search(objectives[0].parameters, p) for p in places]
-        values, _ = chi_squares(objectives, [Outcome(x) for x in xs])
+        pairs = zip(objectives, xs, strict=True)
+        values, _ = chi_squares([Outcome(objective=o, x=x) for o, x in pairs])
         assert values[0] == pytest.approx(values[1], rel=1e-6)
         complete = [is_complete(o, x) for o, x in zip(objectives, xs, strict=True)]
         return best_alternative(values, complete)

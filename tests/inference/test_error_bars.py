@@ -14,8 +14,7 @@ import pytest
 
 from fitting.api.fitted import Value
 from fitting.fit.fit import solve_problem
-from fitting.fit.options import Options
-from fitting.fit.path import Schedule
+from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
 from fitting.inference.infer import infer
 from fitting.report.published import write_values

@@ -16,8 +16,7 @@ from scipy.optimize import linprog
 from scipy.stats import chi2, norm, t
 
 from fitting.fit.fit import solve_problem, with_path
-from fitting.fit.options import ALGORITHM2, LIKELIHOOD, Options
-from fitting.fit.path import Schedule
+from fitting.fit.options import ALGORITHM2, LIKELIHOOD, Options, Schedule
 from fitting.fit.problem import Problem
 from fitting.inference.infer import Inference, infer
 from fitting.report.screen import phrase

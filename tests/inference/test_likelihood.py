@@ -20,6 +20,7 @@ from fitting.fit.likelihood import (
     Request,
     likelihood_of,
 )
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.optimum import inflation_of, most_likely
 from fitting.measurements.measurement import Evaluation
@@ -38,7 +39,7 @@ def evaluator_of(
 ) -> LikelihoodEvaluator:
     sigma = objective.data.sigma
     return LikelihoodEvaluator(
-        likelihood_of(objective, sigma, np.full((sigma.size, 1), common)), limit
+        likelihood_of(objective, RowNoise(sigma, np.full((sigma.size, 1), common))), limit
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from fitting.fit.likelihood import likelihood_of
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
 from fitting.fit.path import PATH, PathLevel
 from fitting.inference.likelihood.knowledge import NuRow
@@ -92,7 +93,7 @@ def test_the_discrepancy_principle_takes_the_largest_nu_within_the_noise() -> No
     shares = (0.0, 0.5, 0.9, 0.95, 0.99, 1.0)
     steps = steps_at(objective, [share * truth for share in shares])
     sigma = objective.data.sigma
-    likelihood = likelihood_of(objective, sigma, np.zeros((sigma.size, 0)))
+    likelihood = likelihood_of(objective, RowNoise(sigma, np.zeros((sigma.size, 0))))
     choice = choose_nu(likelihood, steps, ())
     exact = single_line.LineResponse(objective.response.tones_hz)  # type: ignore[attr-defined]
     z = exact.peaks(np.array([single_line.ETA_HZ, single_line.WIDTH_HZ, single_line.TOP]))
@@ -112,7 +113,9 @@ def test_a_misfit_beyond_the_noise_chooses_none_and_says_so() -> None:
     objective = single_line.line_objective(sigma=0.02, span=4.0)
     steps = steps_at(objective, [np.zeros(3)] * 4)
     sigma = objective.data.sigma
-    choice = choose_nu(likelihood_of(objective, sigma, np.zeros((sigma.size, 0))), steps, ())
+    choice = choose_nu(
+        likelihood_of(objective, RowNoise(sigma, np.zeros((sigma.size, 0)))), steps, ()
+    )
     assert math.isnan(choice.discrepancy)
     assert math.isnan(choice.corner)
     least = float(f"{min(row.chi_square for row in choice.rows):.3g}")

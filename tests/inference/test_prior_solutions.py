@@ -12,13 +12,12 @@ import pytest
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import solve_problem
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
-from fitting.fit.options import Options
-from fitting.fit.path import Schedule
+from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
-from fitting.fit.search.box import Box
-from fitting.fit.search.minima import search_box
-from fitting.fit.search.twins import find_twins, twins_but_for_priors
+from fitting.fit.search import Box, search_box
+from fitting.fit.twins import find_twins, twins_but_for_priors
 from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.text.arrays import FloatArray
@@ -108,13 +107,15 @@ def test_a_whole_fit_lists_it_too() -> None:
 
 def evaluator_of(objective: Objective) -> LikelihoodEvaluator:
     size = objective.data.sigma.size
-    return LikelihoodEvaluator(likelihood_of(objective, np.full(size, SIGMA), np.zeros((size, 0))))
+    return LikelihoodEvaluator(
+        likelihood_of(objective, RowNoise(np.full(size, SIGMA), np.zeros((size, 0))))
+    )
 
 
 def test_a_search_of_the_box_goes_through_both_signs() -> None:
     evaluator = evaluator_of(whitened(square, A, R))
-    found = search_box(evaluator, [np.array([0.3, 1.0])], 1, 10**6)
-    at = sorted(0.5 + minimum.x[0] for minimum in found.minima)  # x is counted from the reference
+    minima, _ = search_box(evaluator, [np.array([0.3, 1.0])], 1, 10**6)
+    at = sorted(0.5 + minimum.x[0] for minimum in minima)  # x is counted from the reference
     assert at == pytest.approx([-TRUE, TRUE], abs=0.06)
 
 

@@ -16,8 +16,7 @@ import pytest
 from fitting.fit.fit import solve_problem
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
-from fitting.fit.options import Options
-from fitting.fit.path import Schedule
+from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.infer import Inference, InferenceRequest, infer

@@ -12,10 +12,10 @@ from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import Status, fit_from, solve_problem
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
-from fitting.fit.options import Options
-from fitting.fit.path import Schedule, own_start
+from fitting.fit.options import Options, Schedule
+from fitting.fit.path import own_start
 from fitting.fit.problem import Problem
-from fitting.fit.search.twins import find_twins
+from fitting.fit.twins import find_twins
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.text.estimate import Verdict

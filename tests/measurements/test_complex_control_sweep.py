@@ -177,8 +177,7 @@ def test_its_maps_are_what_a_report_shows(fit: ff.Fit) -> None:
     assert "closest at V = " in figure.caption.replace("\u00a0", " ")
 
 
-def test_few_places_stand_for_many() -> None:
-    """Of twelve sweeps in disorder six: the outermost ones and four between, with their rows."""
+def test_a_part_has_the_sweeps_of_its_labels() -> None:
     setup = ff.Setup(ff.Drive(frequency_names=("u1",), amplitude_names=("A1",)), "q1")
     volts = np.array([3.0, 0.0, 7.0, 1.0, 11.0, 5.0, 2.0, 9.0, 4.0, 10.0, 6.0, 8.0])
     curves = [
@@ -191,17 +190,6 @@ def test_few_places_stand_for_many() -> None:
         for v in volts
     ]
     sweeps = ComplexSweep(setup=setup, curves=tuple(curves), units={"V": "V"})
-    found = sweeps.few_places()
-    assert found is not None
-    few, rows = found
-    assert sorted(float(c.settings["V"]) for c in few.records) == [0.0, 2.0, 4.0, 7.0, 9.0, 11.0]
-    taken = np.repeat(np.isin(volts, [0.0, 2.0, 4.0, 7.0, 9.0, 11.0]), 2 * crossing.SWEPT_HZ.size)
-    assert np.array_equal(rows, taken)
-    assert ComplexSweep(setup=setup, curves=tuple(curves[:11]), units={"V": "V"}).few_places() is (
-        None
-    )
-    # sweeps over no control are each looked at
-    assert ComplexSweep(setup=setup, curves=tuple(curves)).few_places() is None
     part = sweeps.part({"3 V", "8 V"})
     assert part is not None
     assert [c.label for c in part.records] == ["3 V", "8 V"]

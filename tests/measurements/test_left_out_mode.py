@@ -12,6 +12,7 @@ import pytest
 
 import fitting as ff
 from fitting.fit.likelihood import LikelihoodEvaluator, Request, likelihood_of
+from fitting.fit.noise import RowNoise
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.plan import Plan
@@ -100,7 +101,9 @@ def test_a_model_without_a_scale_fits_infinitely_badly() -> None:
 
     plain = whitened(lambda p: np.array([p[0] - 3.0]), parameter("p", 0.0, 10.0))
     objective = replace(plain, response=WhitenedResponse(rows))
-    evaluator = LikelihoodEvaluator(likelihood_of(objective, np.array([0.01]), np.empty((1, 0))))
+    evaluator = LikelihoodEvaluator(
+        likelihood_of(objective, RowNoise(np.array([0.01]), np.empty((1, 0))))
+    )
     places = tuple(np.array([x]) for x in np.linspace(-4.9, 4.9, 40))
     [samples] = evaluator([Request(places, outputs=False)])
     finite = [bool(np.all(np.isfinite(sample.rows))) for sample in samples]

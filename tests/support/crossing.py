@@ -13,6 +13,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, make_objective
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
@@ -61,7 +62,7 @@ class Laboratory:
     def evaluator(self) -> LikelihoodEvaluator:
         sigma = self.data.sigma
         return LikelihoodEvaluator(
-            likelihood_of(self.objective(), sigma, np.zeros((sigma.size, 0)))
+            likelihood_of(self.objective(), RowNoise(sigma, np.zeros((sigma.size, 0))))
         )
 
     def chi_square(self, p: FloatArray) -> float:

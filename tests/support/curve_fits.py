@@ -9,8 +9,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Fit, solve_problem
-from fitting.fit.options import Options
-from fitting.fit.path import Schedule
+from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.measurements.dataset import Dataset

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from fitting.fit.fit import Fit, Hooks, solve_problem, with_path
+from fitting.fit.fit import Fit, solve_problem, with_path
 from fitting.fit.options import Options
+from fitting.fit.path import Hooks
 from fitting.fit.planned_fmu import plan_problem
 from fitting.fit.problem import Problem
 from fitting.fmu import FmuWorkers

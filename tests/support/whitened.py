@@ -77,7 +77,7 @@ def evaluator_of(objective: Objective) -> LikelihoodEvaluator:
     """The likelihood of some rows by the noise that is theirs, with every output of the model."""
     size = objective.data.sigma.size
     names = tuple(objective.response.derived_many([np.zeros(len(objective.parameters))])[0])
-    own = likelihood_of(objective, np.full(size, SIGMA), np.zeros((size, 0)), names)
+    own = likelihood_of(objective, RowNoise(np.full(size, SIGMA), np.zeros((size, 0))), names)
     return LikelihoodEvaluator(own)
 
 

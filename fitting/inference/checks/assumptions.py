@@ -33,7 +33,7 @@ import numpy as np
 from fitting.campaign.bound import Assumption
 from fitting.campaign.laws import in_base
 from fitting.campaign.parameters import prior_sigmas, to_model, to_search
-from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_with
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.optimum import most_likely
 from fitting.fit.outputs import output_means
@@ -307,7 +307,7 @@ def _followed(solution: Solution, other: Objective) -> _Moved | None:
 
 def _fitted(solution: Solution, objective: Objective, x: FloatArray) -> _Moved:
     """Where a fit ends from a place, which may lie beyond the bounds: so may the fit."""
-    likelihood = likelihood_with(objective, solution.noise)
+    likelihood = likelihood_of(objective, solution.noise)
     low, high = x - likelihood.widths, x + likelihood.widths
     likelihood = replace(
         likelihood,

@@ -16,8 +16,9 @@ import numpy as np
 
 from fitting.campaign.parameters import inverse_priors, prior_sigmas
 from fitting.fit.fit import Fit
-from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of, likelihood_with
+from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.linearisation import Linearisation
+from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
 from fitting.fit.optimum import most_likely
 from fitting.fit.solution import Solution
@@ -205,7 +206,7 @@ def refitted(solution: Solution, objective: Objective, excluded: IntArray) -> Re
     sigma = solution.noise.sigma.copy()
     sigma[excluded] *= EXCLUDED
     noise = replace(solution.noise, sigma=sigma)
-    evaluator = LikelihoodEvaluator(likelihood_with(objective, noise))
+    evaluator = LikelihoodEvaluator(likelihood_of(objective, noise))
     optimum = most_likely(evaluator, [solution.final.x])
     rows = optimum.likelihood.residuals(optimum.expansion.sample.rows[: sigma.size])
     return Refit(optimum.chi_square, optimum.degrees_of_freedom - excluded.size, rows)
@@ -321,7 +322,7 @@ def check_phases(solved: Solved) -> Iterator[Finding]:
     def chi_square(k: int, read: ComplexTones) -> float:
         measurements = (*data.measurements[:k], read, *data.measurements[k + 1 :])
         other = replace(solution.objective, data=replace(data, measurements=measurements))
-        likelihood = likelihood_of(other, solved.noise.sigma, solved.noise.common)
+        likelihood = likelihood_of(other, RowNoise(solved.noise.sigma, solved.noise.common))
         starts = [solution.final.x, solution.initial.x]
         return most_likely(LikelihoodEvaluator(likelihood), starts).chi_square
 

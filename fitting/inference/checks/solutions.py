@@ -19,10 +19,11 @@ import numpy as np
 
 from fitting.campaign.laws import in_base
 from fitting.campaign.parameters import to_model
-from fitting.fit.alternative import Outcome, distances
+from fitting.fit.alternative import Outcome
 from fitting.fit.fit import Status
 from fitting.fit.linearisation import DETERMINED as HELD
 from fitting.fit.path import MINIMISED, named
+from fitting.fit.search import lowest
 from fitting.inference.estimates import DETERMINED
 from fitting.inference.joint import contradictions
 from fitting.inference.likelihood.knowledge import Adequacy
@@ -178,15 +179,17 @@ def check_minima(solved: Solved) -> Iterator[Finding]:
     Images of it by the model's symmetries are none, and along an open valley nothing is held.
     """
     outcome, solution = solved.fit.outcome, solved.fit.solution
-    parameters, search, errors = solution.parameters, outcome.search, solution.errors
+    parameters, errors = solution.parameters, solution.errors
     shared = [p for p in parameters if not p.experiments]
     about = {"values": tuple(p.name for p in shared), "units": tuple(p.unit for p in shared)}
     held = np.array([errors.of(axis)[1] >= HELD for axis in np.eye(len(parameters))])
     apart = SIGMAS_APART * np.sqrt(np.diag(errors.covariance))
     images = [twin.of(parameters, outcome.x) for twin in outcome.twins]
-    known = [outcome.x, *(image for image in images if image is not None)]
-    for k, minimum in enumerate([] if search is None else search.apart_by_height()[0]):
-        if all(np.any(held & (distances(parameters, x, minimum.x) > apart)) for x in known):
+    known = np.array([outcome.x, *(image for image in images if image is not None)])
+    periods = np.array([(p.period or np.inf) / p.scale for p in parameters])
+    for k, minimum in enumerate(lowest(outcome.minima)):
+        gap = np.mod(np.abs(known - minimum.x), periods)
+        if np.all(np.any(held & (np.minimum(gap, periods - gap) > apart), axis=1)):
             values = named(parameters, to_model(parameters, minimum.x))
             numbers = {"chi_square": minimum.chi_square} | {p.name: values[p.name] for p in shared}
             yield note(Kind.equal_objective, f"minimum {k + 1}", about, **numbers)
@@ -229,7 +232,8 @@ def search_findings(outcome: Outcome) -> Iterator[Finding]:
     search = outcome.search
     if search is None or search.explained:
         return
-    low, others = search.apart_by_height()
+    low = lowest(outcome.minima)
+    others = outcome.minima[len(low) :]
     numbers = {
         "points": float(search.screened),
         "lowest": float(sum(minimum.descents for minimum in low)),

@@ -16,9 +16,9 @@ from fitting.campaign.parameters import canonical, search_bounds, to_model, to_s
 from fitting.fit.levenberg import Expansion, Goal, minimise
 from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request
 from fitting.fit.optimum import Optimum
-from fitting.fit.search.box import Box
-from fitting.fit.search.minima import SAME as SAME_MINIMUM
-from fitting.fit.search.twins import Twin
+from fitting.fit.search import SAME as SAME_MINIMUM
+from fitting.fit.search import Box
+from fitting.fit.twins import Twin
 from fitting.inference.likelihood.knowledge import STOPPED, Direction, Equivalent, Profile
 from fitting.inference.likelihood.profile import Scans
 from fitting.text.arrays import FloatArray
@@ -250,12 +250,8 @@ def gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArra
         one: search vector, (n,).
         other: another, (n,).
     """
-    apart = np.abs(one - other)
-    turned = np.isfinite(likelihood.periods)
-    period = likelihood.periods[turned]
-    rest = np.mod(apart[turned], period)
-    apart[turned] = np.minimum(rest, period - rest)
-    return np.asarray(apart / likelihood.widths)
+    apart = np.mod(np.abs(one - other), likelihood.periods)  # those without one are infinite
+    return np.asarray(np.minimum(apart, likelihood.periods - apart) / likelihood.widths)
 
 
 def _beyond(scans: Scans, x: FloatArray) -> bool:

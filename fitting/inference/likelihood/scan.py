@@ -29,7 +29,7 @@ import numpy as np
 from fitting.fit.levenberg import Constraint, Descent, Expansion, Goal, expand, minimise
 from fitting.fit.likelihood import Exhausted, LikelihoodEvaluator, Request, Sample
 from fitting.fit.optimum import Optimum, active_bounds_at
-from fitting.fit.search.twins import Twin
+from fitting.fit.twins import Twin
 from fitting.inference.likelihood.ends import is_reached, open_side, try_ends
 from fitting.inference.likelihood.profile import Key, Quantity, ScanPoint, Scans, Side, quantities
 from fitting.inference.likelihood.ranges import OutputRange

@@ -11,7 +11,7 @@ from fitting.campaign.parameters import drift_square
 from fitting.fit.levenberg import Expansion
 from fitting.fit.likelihood import Exhausted, LikelihoodEvaluator, Request, Sample
 from fitting.fit.optimum import Optimum
-from fitting.fit.search.twins import Twin
+from fitting.fit.twins import Twin
 from fitting.inference.likelihood.profile import Quantity, ScanPoint, Side
 from fitting.inference.likelihood.ranges import OutputRange
 from fitting.signal.student import ROOT_68, reach

@@ -34,7 +34,7 @@ from fitting.measurements.together import SweepsTogether
 from fitting.measurements.tones import PLATEAU
 from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
-from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
 #: Role of a parameter that is a cable's delay.
@@ -252,10 +252,6 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
         if not self.one_delay and self.parameters:
             return Measurement.part(self, labels)
         return super().part(labels)
-
-    def few_places(self) -> tuple[Self, BoolArray] | None:
-        """Sweeps at few values of the controls, the outermost ones and others evenly between."""
-        return super().few_places() if self.units else None
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """X and Y of every sweep and their residuals; of many, maps of both."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
 from fitting.fit.evaluator import Evaluator
 from fitting.fit.objective import Objective
-from fitting.fit.search.box import Box
+from fitting.fit.search import Box
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
@@ -95,17 +95,19 @@ def find_twins(evaluator: Evaluator, seed: int, other: Objective | None = None) 
     """
     parameters = evaluator.objective.parameters
     target = Evaluator(evaluator.objective if other is None else other)
-    candidates = [t for t in _candidates(parameters) if other is not None or not _is_identity(t)]
+    every = np.arange(len(parameters))
+    twins = [t for t in _candidates(parameters) if other is not None or not t.leaves(every)]
     points = Box(parameters).spread(DRAWN, seed)
     try:
-        left = _unchanged(evaluator, target, candidates, points, slice(1))
-        found = _unchanged(evaluator, target, left, points, slice(1, POINTS))
+        # one point sifts the candidates
+        twins = _unchanged(evaluator, target, twins, points, slice(1))
+        twins = _unchanged(evaluator, target, twins, points, slice(1, POINTS))
     except NoAnswer:
         raise
     except (FmuFailure, NoScale):
-        found = []
+        twins = []
     evaluator.counts += target.counts
-    return found
+    return twins
 
 
 def sampling_twins(parameters: Sequence[Parameter], rates_hz: Iterable[float]) -> list[Twin]:
@@ -158,97 +160,34 @@ def _unchanged(
 ) -> list[Twin]:
     """Those candidates that change no row at some of the points that they keep in the box."""
     parameters = evaluator.objective.parameters
-    asked: list[tuple[Twin, int, FloatArray]] = []
-    for candidate in candidates:
+    tried: list[tuple[int, int, FloatArray]] = []
+    for number, candidate in enumerate(candidates):
         images = [(k, candidate.of(parameters, x)) for k, x in enumerate(points)]
-        inside = [(candidate, k, image) for k, image in images if image is not None]
-        asked += inside[which]
-    places = sorted({k for _, k, _ in asked})
+        tried += [(number, k, image) for k, image in images if image is not None][which]
+    places = sorted({k for _, k, _ in tried})
     here = dict(zip(places, evaluator.points([points[k] for k in places]), strict=True))
-    there = target.points([image for _, _, image in asked])
-    moved: dict[int, list[float]] = {id(candidate): [] for candidate in candidates}
-    for (candidate, k, _), point in zip(asked, there, strict=True):
+    there = target.points([image for _, _, image in tried])
+    changes: list[list[float]] = [[] for _ in candidates]
+    for (number, k, _), point in zip(tried, there, strict=True):
         rows = here[k].residuals
         change = np.abs(rows - point.residuals) / (1.0 + np.abs(rows))
-        moved[id(candidate)].append(float(np.max(change, initial=0.0)))
-    return [candidate for candidate in candidates if _is_still(moved[id(candidate)], which)]
-
-
-def _is_still(moved: Sequence[float], which: slice) -> bool:
-    """Whether rows do not move, by what they did at each place; of one place alone not much."""
-    if not moved or not max(moved) <= INEXACT:
-        return False
-    return which.stop == 1 or bool(np.median(moved) <= ROUNDING)
-
-
-def _is_identity(twin: Twin) -> bool:
-    return _keeps(twin) and bool(np.all(twin.shifts == 0.0))
-
-
-def _keeps(twin: Twin) -> bool:
-    """Whether every parameter stays where it is, but for shifts."""
-    kept = np.array_equal(twin.order, np.arange(twin.order.size))
-    return kept and bool(np.all(twin.signs == 1.0))
+        changes[number].append(float(np.max(change, initial=0.0)))
+    # a model may compute less exactly at single places
+    return [
+        candidate
+        for candidate, change in zip(candidates, changes, strict=True)
+        if change
+        and max(change) <= INEXACT
+        and (which.stop == 1 or float(np.median(change)) <= ROUNDING)
+    ]
 
 
 def _candidates(parameters: Sequence[Parameter]) -> list[Twin]:
     """Products of exchanges, turns and reversed signs, the simplest first."""
-    orders = sorted(itertools.islice(_orders(parameters), LISTED), key=_effort)[:MOST]
     turns = list(itertools.islice(itertools.product(*map(_turns, parameters)), MOST + 1))
     if len(turns) > MOST:
         return []
-    return [
-        Twin(
-            np.array(order, dtype=np.intp),
-            np.array([sign for sign, _ in turn]),
-            np.array([shift for _, shift in turn]),
-        )
-        for order in orders
-        for turn in turns
-    ][:MOST]
-
-
-def _effort(order: Sequence[int]) -> tuple[bool, int]:
-    """Whether an order is more than exchanges in pairs, as relabelled modes are; how many move."""
-    pairs = all(order[taken] == place for place, taken in enumerate(order))
-    return not pairs, sum(taken != place for place, taken in enumerate(order))
-
-
-def _turns(parameter: Parameter) -> list[tuple[float, float]]:
-    """Signs and shifts of one parameter."""
-    if parameter.prior_sigma is not None or not parameter.moves_model or parameter.experiments:
-        return [(1.0, 0.0)]
-    if parameter.period is not None:
-        return [(sign, f * parameter.period) for sign in (1.0, -1.0) for f in FRACTIONS]
-    if parameter.is_angle:
-        return _quarter_turns(parameter)
-    if parameter.lower == -parameter.upper:
-        return [(1.0, 0.0), (-1.0, 0.0)]
-    return [(1.0, 0.0)]
-
-
-def _quarter_turns(parameter: Parameter) -> list[tuple[float, float]]:
-    """Signs and shifts of an angle without a period that keep some of its box in it.
-
-    Quarters of a turn from zero either way, and its reversal about the middle of the box.
-    """
-    low, high = parameter.lower, parameter.upper
-    wide, quarter = high - low, 0.5 * math.pi
-    ways = [(1.0, 0.0), (-1.0, low + high)]
-    ways += [(1.0, k * quarter) for k in _within(-wide / quarter, wide / quarter) if k]
-    turned = [k * quarter for k in _within(2.0 * low / quarter, 2.0 * high / quarter)]
-    near = [abs(shift - low - high) <= SAME * wide for shift in turned]
-    ways += [(-1.0, shift) for shift, same in zip(turned, near, strict=True) if not same]
-    return ways if len(ways) <= MOST_TURNS else ways[:2]
-
-
-def _within(low: float, high: float) -> range:
-    """Whole numbers between two, these left out."""
-    return range(math.floor(low) + 1, math.ceil(high))
-
-
-def _orders(parameters: Sequence[Parameter]) -> Iterator[tuple[int, ...]]:
-    """Exchanges within the groups of like parameters, those of several groups combined."""
+    # parameters that may be exchanged: of one unit, each box a tenth of the narrower one in common
     groups: list[list[int]] = []
     for i, p in enumerate(parameters):
         if p.prior_sigma is None and p.moves_model and p.period is None and not p.experiments:
@@ -257,13 +196,38 @@ def _orders(parameters: Sequence[Parameter]) -> Iterator[tuple[int, ...]]:
                 groups.append([i])
             else:
                 mine.append(i)
-    several = [group for group in groups if len(group) > 1]
-    for choice in itertools.product(*(itertools.permutations(group) for group in several)):
-        order = list(range(len(parameters)))
-        for group, chosen in zip(several, choice, strict=True):
-            for place, taken in zip(group, chosen, strict=True):
-                order[place] = taken
-        yield tuple(order)
+    place, orders = np.arange(len(parameters)), []
+    choices = itertools.product(*map(itertools.permutations, groups))
+    for choice in itertools.islice(choices, LISTED):
+        order = place.copy()
+        for group, chosen in zip(groups, choice, strict=True):
+            order[group] = chosen
+        orders.append(order)
+    # exchanges in pairs come first, as relabelled modes are, then those that move fewer
+    orders.sort(key=lambda o: (not np.array_equal(o[o], place), np.count_nonzero(o != place)))
+    pairs = itertools.product(orders, [np.array(turn).reshape(-1, 2).T for turn in turns])
+    return [Twin(order, *turn) for order, turn in itertools.islice(pairs, MOST)]
+
+
+def _turns(parameter: Parameter) -> list[tuple[float, float]]:
+    """Signs and shifts of one parameter that are tried."""
+    low, high = parameter.lower, parameter.upper
+    if parameter.prior_sigma is not None or not parameter.moves_model or parameter.experiments:
+        return [(1.0, 0.0)]
+    if parameter.period is not None:
+        return [(sign, f * parameter.period) for sign in (1.0, -1.0) for f in FRACTIONS]
+    if not parameter.is_angle:
+        return [(1.0, 0.0), (-1.0, 0.0)] if low == -high else [(1.0, 0.0)]
+    # an angle without a period: its reversal about the middle of the box, and quarters of a turn
+    # either way that keep some of the box in it
+    wide, quarter = high - low, 0.5 * math.pi
+    turns = [(1.0, 0.0), (-1.0, low + high)]
+    most = math.ceil(wide / quarter)
+    turns += [(1.0, k * quarter) for k in range(1 - most, most) if k]
+    reversals = range(math.floor(2.0 * low / quarter) + 1, math.ceil(2.0 * high / quarter))
+    shifts = [k * quarter for k in reversals]
+    turns += [(-1.0, s) for s in shifts if abs(s - low - high) > SAME * wide]
+    return turns if len(turns) <= MOST_TURNS else turns[:2]
 
 
 def _alike(one: Parameter, other: Parameter) -> bool:

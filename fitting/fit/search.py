@@ -1,0 +1,338 @@
+"""Minima of chi square within the bounds: a multistart of bounded least squares.
+
+Points that fill the bounds evenly are evaluated in one batch; from the best of them that are apart
+searches start, all side by side. While noise does not explain the least chi square, rounds of as
+many further points as there were follow, as far as the budget goes: a valley that takes a
+thousandth of the box is met by a thousand points, not by sixty-four. In boxes of many parameters
+every second round looks along the edges of the box from the lowest minima.
+
+Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
+methods", Mathematical Programming 39 (1987) 57.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
+from fitting.fit.levenberg import expand, minimise
+from fitting.fit.likelihood import LikelihoodEvaluator, Request
+from fitting.fit.optimum import TOO_LARGE_P, freedom_of
+from fitting.signal.chi_square import tail
+from fitting.text.arrays import FloatArray
+
+#: Points of the first round, a power of two (each further one doubles them), and rounds at most.
+POINTS, ROUNDS = 64, 12
+#: Searches that start from the best points of a round, and from those along edges.
+STARTS, STARTS_ALONG = 8, 12
+#: Parameters beyond which each doubles the points that are evaluated in any case, up to so many;
+#: and by what the budget is larger there.
+FEW, MOST_AT_FIRST, MORE = 3, 512, 6
+#: Points along each edge of the box, and minima that the lines go through; each time they are moved
+#: on by the golden ratio, so that none is evaluated twice.
+ALONG, THROUGH, GOLDEN = 64, 4, 0.618
+#: Probability of the least chi square below which a box of many parameters is searched along edges.
+BARELY_P = 0.2
+#: Difference of chi square that counts, and as a share of the lower one.
+WORTH, WORTH_SHARE = 1.0, 1e-2
+#: Ends closer than this share of the box are one minimum, if their chi squares are one, too.
+SAME = 0.02
+#: How far a prior reaches from its middle, in standard deviations: beyond, nothing fits as well.
+PRIOR_SIGMAS = 3.0
+
+
+class Box:
+    """The bounds as a unit cube: ratios in their logarithm, periodic parameters over one period.
+
+    What the model depends on is searched whether it has a prior or not, as far as that may reach;
+    offsets of single experiments that have one stay at their start.
+    """
+
+    def __init__(self, parameters: Sequence[Parameter]) -> None:
+        self.parameters = parameters
+        self.free = np.array([p.is_searched for p in parameters], dtype=bool)
+        self.lower, self.upper = search_bounds(parameters)
+        self._log = np.array([p.spans_decades for p in parameters], dtype=bool)
+        self._periodic = np.zeros(len(parameters), dtype=bool)
+        self._low, self._high = np.zeros(len(parameters)), np.zeros(len(parameters))
+        for i, p in enumerate(parameters):
+            low, high = p.lower, p.upper
+            if p.prior_sigma is not None and p.is_searched:
+                reach = PRIOR_SIGMAS * p.prior_sigma
+                near = max(low, p.reference - reach), min(high, p.reference + reach)
+                low, high = near if near[0] < near[1] else (low, high)
+            if p.period is not None and high - low >= p.period * (1.0 - 1e-9):
+                self._periodic[i], high = True, low + p.period
+            self._low[i], self._high[i] = low, high
+
+    def spread(self, number: int, seed: int, skip: int = 0) -> list[FloatArray]:
+        """Search vectors that fill the box evenly; a longer list continues a shorter one.
+
+        Args:
+            number: of points, a power of two.
+            seed: of the scrambling.
+            skip: points of the same sequence that were used before.
+
+        Source: I. Sobol, USSR Comput. Math. Math. Phys. 7 (1967) 86; A. Owen's scrambling.
+        """
+        count = int(np.count_nonzero(self.free))
+        if not count:
+            return []
+        # takes a third of a second to load: only where a box is searched
+        from scipy.stats.qmc import Sobol
+
+        sequence = Sobol(count, scramble=True, seed=np.random.default_rng(seed))
+        if skip:
+            sequence.fast_forward(skip)
+        return [self.from_cube(u) for u in sequence.random(number)]
+
+    def from_cube(self, u: FloatArray) -> FloatArray:
+        """The search vector at a point of the cube, (n,); what is not searched is at its start.
+
+        Args:
+            u: in the unit cube of what is searched.
+        """
+        p, low, high = starts(self.parameters), self._low[self.free], self._high[self.free]
+        x = to_search(self.parameters, p)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = low * (high / low) ** u
+        p[self.free] = np.where(self._log[self.free], ratios, low + u * (high - low))
+        x[self.free] = to_search(self.parameters, p)[self.free]
+        return np.clip(x, self.lower, self.upper)
+
+    def to_cube(self, x: FloatArray) -> FloatArray:
+        """Coordinates of a search vector in the cube, (n,); outside where a period was added.
+
+        Args:
+            x: search vector, shape (n,).
+        """
+        p, low, high = to_model(self.parameters, x), self._low, self._high
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logarithmic = np.log(np.maximum(p, low) / low) / np.log(high / low)
+        return np.asarray(np.where(self._log, logarithmic, (p - low) / (high - low)))
+
+    def apart(self, x: FloatArray, y: FloatArray) -> float:
+        """Largest distance of two search vectors along an edge of the cube, modulo periods.
+
+        Args:
+            x: search vector, shape (n,).
+            y: another, shape (n,).
+        """
+        gap = np.abs(self.to_cube(x) - self.to_cube(y))
+        rest = np.mod(gap, 1.0)
+        gap = np.where(self._periodic, np.minimum(rest, 1.0 - rest), gap)
+        return float(np.max(gap[self.free], initial=0.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Minimum:
+    """Where searches ended: search vector and chi square, and where the first of them started.
+
+    `descents` is the number of searches that ended here.
+    """
+
+    x: FloatArray
+    begun: FloatArray
+    chi_square: float
+    descents: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchResult:
+    """How a box was searched in one alternative.
+
+    `screened` points of the box were evaluated in `screens` rounds, `descents` searches started
+    from the best of them. `explained`: whether noise explains the lowest; `twins` number of exact
+    symmetries of the model.
+    """
+
+    screened: int
+    screens: int
+    descents: int
+    explained: bool
+    twins: int = 0
+    evaluations: int
+    fmu_runs: int
+
+
+def worth(chi_square: float) -> float:
+    """Difference of chi square that counts, about such a value.
+
+    Args:
+        chi_square: of the lower of two points.
+    """
+    return max(WORTH, WORTH_SHARE * chi_square)
+
+
+def lowest(minima: Sequence[Minimum]) -> list[Minimum]:
+    """Minima as low as the lowest.
+
+    Args:
+        minima: the lowest first.
+    """
+    least = min((m.chi_square for m in minima), default=math.inf)
+    return [m for m in minima if not m.chi_square > least + worth(least)]
+
+
+def merit(rows: FloatArray) -> float:
+    """Sum ln(1 + row^2): where half of the rows fit is worth more than where none is far off.
+
+    Args:
+        rows: whitened, shape (m,).
+    """
+    return float(np.sum(np.log1p(rows**2)))
+
+
+def screened(
+    evaluator: LikelihoodEvaluator, seed: int, number: int = POINTS, skip: int = 0
+) -> list[FloatArray]:
+    """Points of the box from which searches start, the most promising first.
+
+    Those with the best rows that have no better one near them, ranked by their `merit`.
+
+    Args:
+        evaluator: of the likelihood.
+        seed: of the points.
+        number: of points, a power of two.
+        skip: points of the same sequence that were used before.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    box = Box(evaluator.likelihood.parameters)
+    points = box.spread(number, seed, skip)
+    if not points:
+        return []
+    [samples] = evaluator([Request(tuple(points), outputs=False)])
+    merits = np.array([merit(sample.rows) for sample in samples])
+    order = [k for k in np.argsort(merits, kind="stable") if math.isfinite(merits[k])]
+    near = 0.5 * len(points) ** (-1.0 / np.count_nonzero(box.free))
+    alone: list[int] = []
+    for place, k in enumerate(order):
+        if len(alone) < STARTS and all(
+            box.apart(points[k], points[j]) > near for j in order[:place]
+        ):
+            alone.append(k)
+    return [points[k] for k in [*alone, *(k for k in order if k not in alone)][:STARTS]]
+
+
+def along_edges(
+    evaluator: LikelihoodEvaluator, through: Sequence[FloatArray], offset: float
+) -> tuple[list[FloatArray], int]:
+    """Minima along lines through points, parallel to the edges of the box, and points evaluated.
+
+    A valley too narrow for a few thousand points that fill the box is wide along some edge of it:
+    where two lines of a sweep are exchanged, one parameter alone leads from the wrong minimum to
+    the side of the right one.
+
+    Args:
+        evaluator: of the likelihood.
+        through: search vectors, (n,) each.
+        offset: of the points along a line, as a share of their distance.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    box, places = Box(evaluator.likelihood.parameters), (np.arange(ALONG) + offset) / ALONG
+    lines, owns = [], []
+    for cube in (box.to_cube(x)[box.free] for x in through):
+        for edge, here in enumerate(cube):
+            own = int(np.searchsorted(places, here))
+            along = np.repeat(cube[None, :], ALONG + 1, axis=0)
+            along[:, edge] = np.insert(places, own, here)
+            lines.append(tuple(map(box.from_cube, along)))
+            owns.append(own)
+    results: list[tuple[float, FloatArray]] = []
+    answers = evaluator([Request(line, outputs=False) for line in lines])
+    for line, own, samples in zip(lines, owns, answers, strict=True):
+        merits = np.array([merit(sample.rows) for sample in samples])
+        merits = np.concatenate([[np.inf], np.nan_to_num(merits, nan=np.inf), [np.inf]])
+        is_low = (merits[1:-1] < merits[:-2]) & (merits[1:-1] <= merits[2:])
+        # the point itself and its neighbours lead back to where it is
+        others = [int(k) for k in np.flatnonzero(is_low) if abs(k - own) > 1]
+        results += [(merits[k + 1], line[k]) for k in others]
+    results.sort(key=lambda each: each[0])
+    return [x for _, x in results[:STARTS_ALONG]], sum(map(len, lines))
+
+
+def search_box(
+    evaluator: LikelihoodEvaluator, begins: Sequence[FloatArray], seed: int, budget: int
+) -> tuple[tuple[Minimum, ...], SearchResult]:
+    """Minima of chi square in the box, apart from each other, the lowest first.
+
+    Args:
+        evaluator: of the likelihood, without inflation.
+        begins: search vectors that searches start from besides, (n,) each.
+        seed: of the points.
+        budget: evaluations after which no further round is begun.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    likelihood, box = evaluator.likelihood, Box(evaluator.likelihood.parameters)
+    unknowns = int(np.count_nonzero(box.free))
+    is_wide = unknowns > FEW
+    enough = min(POINTS * 2 ** max(0, unknowns - FEW), MOST_AT_FIRST)
+    budget *= MORE if is_wide else 1
+    noise_dof = likelihood.objective.data.noise_freedom
+    minima: list[Minimum] = []
+    some, rounds, spread, along, descents, p = list(begins), 0, 0, 0, 0, 0.0
+    is_along = False
+    while True:
+        ends = minimise(evaluator, expand(evaluator, some, outputs=False)) if some else []
+        # where the model fails no minimum is known
+        ended = [e for e in zip(some, ends, strict=True) if math.isfinite(e[1].chi_square)]
+        descents += len(ended)
+        for begun, end in ended:
+            if end.chi_square < min((m.chi_square for m in minima), default=math.inf):
+                rows = end.end.sample.rows[: likelihood.data_rows]
+                p = tail(float(rows @ rows), freedom_of(likelihood, end.end), noise_dof)
+            x = likelihood.folded(end.end.x)
+            minima.append(Minimum(x=x, begun=begun, chi_square=end.chi_square))
+        minima = distinct(box, minima)
+        # one wrong minimum in twenty is explained by noise at TOO_LARGE_P, nearly none at BARELY_P
+        is_explained = p >= (BARELY_P if is_wide and not along else TOO_LARGE_P)
+        is_done = (is_explained and spread >= enough) or evaluator.evaluations >= budget
+        if (rounds and is_done) or rounds == ROUNDS or not unknowns:
+            break
+        is_along = is_wide and bool(minima) and rounds > 0 and not (is_explained or is_along)
+        if is_along:
+            offset = (0.5 + GOLDEN * (rounds // 2)) % 1.0
+            some, number = along_edges(evaluator, [m.x for m in minima[:THROUGH]], offset)
+            along += number
+        else:
+            number = max(POINTS, spread)
+            some = screened(evaluator, seed, number, skip=spread)
+            spread += number
+        rounds += 1
+    return tuple(minima), SearchResult(
+        screened=spread + along,
+        screens=rounds,
+        descents=descents,
+        explained=p >= TOO_LARGE_P,
+        evaluations=evaluator.evaluations,
+        fmu_runs=evaluator.runs,
+    )
+
+
+def distinct(box: Box, minima: Sequence[Minimum]) -> list[Minimum]:
+    """Minima apart from each other, the lowest first; those that are one are counted together.
+
+    Args:
+        box: of their parameters.
+        minima: in any order.
+    """
+    kept: list[Minimum] = []
+    for minimum in sorted(minima, key=lambda each: each.chi_square):
+        for k, other in enumerate(kept):
+            is_level = minimum.chi_square - other.chi_square <= worth(other.chi_square)
+            if is_level and box.apart(minimum.x, other.x) <= SAME:
+                kept[k] = replace(other, descents=other.descents + minimum.descents)
+                break
+        else:
+            kept.append(minimum)
+    return kept

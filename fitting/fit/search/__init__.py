@@ -1,1 +1,0 @@
-"""Where in the box the lowest minima are: points spread over it, descents from the best of them."""
