@@ -35,16 +35,6 @@ class Checkpoint(checkpoint.Checkpoint[PathLevel]):
         return self.find((kind, alternative, level))
 
 
-def begin(folder: Path, job: str) -> Checkpoint:
-    """A checkpoint without any finished level; an older file is replaced with the first one.
-
-    Args:
-        folder: where the checkpoint is kept.
-        job: fingerprint of everything that a level depends on.
-    """
-    return Checkpoint(folder, job)
-
-
 def resume(folder: Path, job: str) -> Checkpoint:
     """The checkpoint that an interrupted run of the same job left, empty if it left none.
 

@@ -12,21 +12,15 @@ derived outputs.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from fitting.text.arrays import FloatArray
 
-
-@dataclass(frozen=True)
-class Quotient:
-    """Of the values at two nodes, by their places, the minuend first; `weight` in a derivative."""
-
-    above: int
-    below: int
-    weight: float = 1.0
+#: Of the values at two nodes, by their places, the minuend first; and its weight in a derivative.
+Quotient = tuple[int, int, float]
 
 
 @dataclass(frozen=True)
@@ -51,25 +45,18 @@ class Stencil:
             values: of the function at every node, in their order, numbers or arrays of one shape.
             difference: of two values, e.g. of their logarithms.
         """
+        columns = []
         # an output may be infinite, as Q without damping is: NaN says that it has no slope there
         with np.errstate(invalid="ignore"):
-            columns = [self._quotient(values, axis, difference) for axis in range(len(self.along))]
+            for axis, parts in enumerate(self.along):
+                quotients = [
+                    weight
+                    * difference(np.asarray(values[above]), np.asarray(values[below]))
+                    / (self.nodes[above][axis] - self.nodes[below][axis])
+                    for above, below, weight in parts
+                ]
+                columns.append(sum(quotients[1:], quotients[0]))
         return np.stack(columns, axis=-1)
-
-    def _quotient(
-        self,
-        values: Sequence[npt.ArrayLike],
-        axis: int,
-        difference: Callable[[FloatArray, FloatArray], FloatArray],
-    ) -> FloatArray:
-        """The derivative along one axis."""
-        of_parts = [
-            part.weight
-            * difference(np.asarray(values[part.above]), np.asarray(values[part.below]))
-            / (self.nodes[part.above][axis] - self.nodes[part.below][axis])
-            for part in self.along[axis]
-        ]
-        return np.asarray(sum(of_parts[1:], of_parts[0]))
 
     def between(self, axis: int, above: FloatArray, below: FloatArray) -> Stencil:
         """The stencil whose quotient along one axis is taken between two other points.
@@ -79,10 +66,9 @@ class Stencil:
             above: search vector, shape (n,).
             below: another that differs along the axis, shape (n,).
         """
-        nodes, along = list(self.nodes), list(self.along)
-        nodes += [above, below]
-        along[axis] = (Quotient(len(nodes) - 2, len(nodes) - 1),)
-        return replace(self, nodes=tuple(nodes), along=tuple(along))
+        count, along = len(self.nodes), list(self.along)
+        along[axis] = ((count, count + 1, 1.0),)
+        return Stencil((*self.nodes, above, below), tuple(along))
 
     def turned(self, axes: Sequence[int]) -> Stencil:
         """The stencil of `forward` with the steps along some axes taken the other way.
@@ -93,7 +79,7 @@ class Stencil:
         nodes = list(self.nodes)
         for axis in axes:
             nodes[axis + 1] = 2.0 * nodes[0] - nodes[axis + 1]
-        return replace(self, nodes=tuple(nodes))
+        return Stencil(tuple(nodes), self.along)
 
 
 def central(x: FloatArray, steps: npt.ArrayLike, lower: FloatArray, upper: FloatArray) -> Stencil:
@@ -110,29 +96,21 @@ def central(x: FloatArray, steps: npt.ArrayLike, lower: FloatArray, upper: Float
         upper: likewise.
     """
     nodes: list[FloatArray] = []
-    along = []
+    along: list[tuple[Quotient, ...]] = []
     for i, step in enumerate(np.broadcast_to(steps, x.shape)):
-        shifts, parts = _shifts(float(step), float(lower[i] - x[i]), float(upper[i] - x[i]))
-        first = len(nodes)
+        down, up, first = x[i] - lower[i], upper[i] - x[i], len(nodes)
+        if min(up, down) >= step or max(up, down) < 2.0 * step:
+            shifts, parts = [step, -step], [(first, first + 1, 1.0)]
+        else:
+            inward = step if up > down else -step
+            shifts = [0.0, inward, 2.0 * inward]
+            parts = [(first + 1, first, 2.0), (first + 2, first, -1.0)]
         for shift in shifts:
             moved = np.array(x, dtype=float)
             moved[i] = min(max(x[i] + shift, lower[i]), upper[i])
             nodes.append(moved)
-        along.append(tuple(Quotient(first + a, first + b, weight) for a, b, weight in parts))
+        along.append(tuple(parts))
     return Stencil(tuple(nodes), tuple(along))
-
-
-def _shifts(
-    step: float, down: float, up: float
-) -> tuple[tuple[float, ...], tuple[tuple[int, int, float], ...]]:
-    """Where nodes stand along one axis, and their quotients: places of both nodes, weight.
-
-    `down` and `up` is the room in the box, at most zero and at least zero.
-    """
-    if min(up, -down) >= step or max(up, -down) < 2.0 * step:
-        return (step, -step), ((0, 1, 1.0),)
-    inward = step if up > -down else -step
-    return (0.0, inward, 2.0 * inward), ((1, 0, 2.0), (2, 0, -1.0))
 
 
 def forward(x: FloatArray, steps: npt.ArrayLike, upper: FloatArray) -> Stencil:
@@ -150,4 +128,4 @@ def forward(x: FloatArray, steps: npt.ArrayLike, upper: FloatArray) -> Stencil:
         moved = np.array(x, dtype=float)
         moved[i] += step if x[i] + step <= upper[i] else -step
         nodes.append(moved)
-    return Stencil(tuple(nodes), tuple((Quotient(i + 1, 0),) for i in range(x.size)))
+    return Stencil(tuple(nodes), tuple(((i + 1, 0, 1.0),) for i in range(x.size)))

@@ -6,7 +6,7 @@ solver that asks twice for the same x does not simulate twice.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -54,43 +54,34 @@ class Evaluator:
         Args:
             x: search vector (n,).
         """
-        key = x.tobytes()
-        if key not in self._points:
-            self._remember(self._points, key, self._evaluate([x])[0])
-        return self._points[key]
+        return self._remembered(self._points, x, lambda: self.points([x])[0])
 
-    def points(self, xs: Sequence[FloatArray]) -> list[Point]:
+    def points(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
         """Points at several search vectors, in one batch.
 
         Args:
             xs: search vectors, (n,) each.
+            whole: with predictions of everything that was measured.
         """
-        return self._evaluate(xs)
-
-    def whole(self, xs: Sequence[FloatArray]) -> list[Point]:
-        """Points with predictions of everything that was measured, in one batch.
-
-        Args:
-            xs: search vectors, (n,) each.
-        """
-        points = self._evaluate(xs, whole=True)
-        for point in points:
-            self._remember(self._points, point.x.tobytes(), point)
+        points = evaluate_many(self.objective, xs, whole=whole) if xs else []
+        self.counts += Counts(evaluations=len(xs), runs=sum(point.runs for point in points))
+        if whole:
+            self._points.update((point.x.tobytes(), point) for point in points)
         return points
 
     def jacobian(self, x: FloatArray) -> FloatArray:
-        """dr/dx at x, shape (n_rows, n), one batch.
+        """dr/dx at x by central differences, shape (n_rows, n), one batch.
 
         Args:
             x: search vector (n,).
         """
-        key = x.tobytes()
-        if key not in self._jacobians:
+
+        def quotients() -> FloatArray:
             around = stencil(self.objective, x)
-            matrix = jacobian_of(around, self._evaluate(around.nodes))
             self.counts += Counts(jacobians=1)
-            self._remember(self._jacobians, key, matrix)
-        return self._jacobians[key]
+            return jacobian_of(around, self.points(around.nodes))
+
+        return self._remembered(self._jacobians, x, quotients)
 
     def slopes(self, x: FloatArray) -> FloatArray:
         """dr/dx at x by forward differences, shape (n_rows, n): half the evaluations, to solve by.
@@ -98,24 +89,24 @@ class Evaluator:
         Args:
             x: search vector (n,).
         """
-        key = x.tobytes()
-        if key not in self._slopes:
-            here, around = self.point(x), forward(x, self.objective.steps, self.upper)
-            matrix = jacobian_of(around, [here, *self._evaluate(around.nodes[1:])])
-            self.counts += Counts(jacobians=1)
-            self._remember(self._slopes, key, matrix)
-        return self._slopes[key]
 
-    def _evaluate(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
-        points = evaluate_many(self.objective, xs, whole=whole) if xs else []
-        self.counts += Counts(evaluations=len(xs), runs=sum(point.runs for point in points))
-        return points
+        def quotients() -> FloatArray:
+            here, around = self.point(x), forward(x, self.objective.steps, self.upper)
+            self.counts += Counts(jacobians=1)
+            return jacobian_of(around, [here, *self.points(around.nodes[1:])])
+
+        return self._remembered(self._slopes, x, quotients)
 
     @staticmethod
-    def _remember(memory: dict[bytes, Kept], key: bytes, value: Kept) -> None:
-        if len(memory) >= REMEMBERED:
-            memory.pop(next(iter(memory)))
-        memory[key] = value
+    def _remembered(memory: dict[bytes, Kept], x: FloatArray, evaluate: Callable[[], Kept]) -> Kept:
+        """What the memory holds for x, else evaluated; of more than a few the oldest goes."""
+        key = x.tobytes()
+        if key not in memory:
+            value = evaluate()
+            if len(memory) >= REMEMBERED:
+                memory.pop(next(iter(memory)))
+            memory[key] = value
+        return memory[key]
 
 
 def total(point: Point, nu: Nu, misfit: str) -> float:

@@ -14,7 +14,7 @@ is stricter than 1 - C_ii/(P^-1)_ii, and so meant: the linearisation sees no cur
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -95,19 +95,14 @@ class Linearisation:
     @cached_property
     def covariance(self) -> FloatArray:
         """C in x, (n, n), the sum of what noise and prior leave open."""
-        return self.noise + self.from_prior
+        squares, directions = self._modes
+        return np.asarray((directions / (1.0 + squares)) @ directions.T)
 
     @cached_property
     def noise(self) -> FloatArray:
         """C F C in x, (n, n): what the noise of the rows leaves open."""
         squares, directions = self._modes
         return np.asarray((directions * (squares / (1.0 + squares) ** 2)) @ directions.T)
-
-    @cached_property
-    def from_prior(self) -> FloatArray:
-        """C P C in x, (n, n): what only the prior holds."""
-        squares, directions = self._modes
-        return np.asarray((directions * (1.0 / (1.0 + squares) ** 2)) @ directions.T)
 
     def of(self, gradient: FloatArray) -> tuple[float, float]:
         """(standard deviation, shrinkage) of a value, both from its slope at the point.
@@ -204,14 +199,12 @@ class Linearisation:
         Args:
             factor: at least one where errors are not to shrink.
         """
-        return Linearisation(
+        return replace(
+            self,
             rows=self.rows / factor,
             matrix=self.matrix / factor,
-            prior=self.prior,
             inflation=self.inflation * factor,
             bounded=None if self.bounded is None else self.bounded.widened(factor),
-            scatter=self.scatter,
-            freedom=self.freedom,
         )
 
 

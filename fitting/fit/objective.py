@@ -21,7 +21,7 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.fit.differences import Stencil, central
 from fitting.measurements.dataset import Dataset
-from fitting.measurements.measurement import Evaluation, Measurement, Response, Values
+from fitting.measurements.measurement import Evaluation, Response, Values
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
 
@@ -118,33 +118,31 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
     free = [float(value) for parameter, value in pairs if parameter.role == "scale"]
     scales = data.scales(evaluation.predictions, free)
     chi = {name: scale.value for name, scale in zip(data.series, scales, strict=True)}
-    answers = list(zip(data.measurements, evaluation.predictions, strict=True))
-    rows = np.concatenate([_comparable(m, m.residuals(q, chi[m.series])) for m, q in answers])
-    squares, row_weights = data.squares(rows)
+    rows, scaled = [], []
+    for m, prediction in zip(data.measurements, evaluation.predictions, strict=True):
+        rows.append(m.residuals(prediction, chi[m.series]))
+        scaled.append(m.scaled(prediction, chi[m.series]))
+        largest = float(np.max(np.abs(rows[-1]), initial=0.0))
+        if largest > LARGEST:  # its square is no number
+            series = f"{m.series}: " if m.series else ""
+            raise NoScale(
+                f"{series}the model is {largest:.3g} times the data away from them, "
+                f"wanted {LARGEST:g} at most (is a level or a unit wrong?)"
+            )
+    residuals = np.concatenate(rows)
+    squares, row_weights = data.squares(residuals)
     return Point(
         x=x.copy(),
         parameters=p,
-        residuals=rows,
+        residuals=residuals,
         chis=tuple(scale.value for scale in scales),
-        scaled=tuple(m.scaled(q, chi[m.series]) for m, q in answers),
+        scaled=tuple(scaled),
         scale_bias=max(scale.bias for scale in scales),
         runs=evaluation.runs,
         squares=squares,
         row_weights=row_weights,
         promised=evaluation.promised,
     )
-
-
-def _comparable(measurement: Measurement, rows: FloatArray) -> FloatArray:
-    """The rows (m,) of a measurement, whose squares are numbers."""
-    largest = float(np.max(np.abs(rows), initial=0.0))
-    if largest > LARGEST:
-        series = f"{measurement.series}: " if measurement.series else ""
-        raise NoScale(
-            f"{series}the model is {largest:.3g} times the data away from them, "
-            f"wanted {LARGEST:g} at most (is a level or a unit wrong?)"
-        )
-    return rows
 
 
 def evaluate_many(

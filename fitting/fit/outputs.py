@@ -33,7 +33,7 @@ def output_means(
     if not xs:
         return {}
     answers = response.derived_many([to_model(parameters, x) for x in xs])
-    return {name: _means([answer[name] for answer in answers]) for name in answers[0]}
+    return {name: np.array([mean(answer[name]) for answer in answers]) for name in answers[0]}
 
 
 def output_means_beyond(
@@ -54,17 +54,17 @@ def output_means_beyond(
         FmuFailure: the model failed inside the box, or does not answer any more.
     """
 
-    def asked(some: Sequence[FloatArray]) -> list[dict[str, float]]:
+    def read(some: Sequence[FloatArray]) -> list[FloatArray]:
         means = output_means(response, parameters, some)
-        return [{n: float(values[k]) for n, values in means.items()} for k in range(len(some))]
+        return list(np.stack([means[name] for name in names], axis=1))
 
-    def failed(x: FloatArray, failure: Exception) -> dict[str, float]:
+    def failed(x: FloatArray, failure: Exception) -> FloatArray:
         if in_box(parameters, x):
             raise failure
-        return dict.fromkeys(names, float("nan"))
+        return np.full(len(names), np.nan)
 
-    rows = answered_apart(asked, xs, failed) if xs else []
-    return {name: np.array([row[name] for row in rows]) for name in names}
+    table = answered_apart(read, xs, failed) if xs and names else []
+    return {name: np.array([row[k] for row in table]) for k, name in enumerate(names)}
 
 
 def runs_of_outputs(response: Response) -> int:
@@ -100,13 +100,6 @@ def answered_apart(
             return [failed(xs[0], failure)]
     half = len(xs) // 2
     return [*answered_apart(ask, xs[:half], failed), *answered_apart(ask, xs[half:], failed)]
-
-
-def _means(rows: Sequence[FloatArray]) -> FloatArray:
-    """The mean of each row; NaN of empty ones."""
-    if not rows[0].size:
-        return np.full(len(rows), np.nan)
-    return np.asarray(np.mean(np.array(rows), axis=1))
 
 
 def mean(values: FloatArray) -> float:

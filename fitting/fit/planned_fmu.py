@@ -13,10 +13,9 @@ from fitting.fit.problem import Problem
 from fitting.fmu import FmuWorkers, read_accuracy_annotation
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
-from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, measured_plan, plan_series
-from fitting.simulate.batch import Batch, Workers
+from fitting.simulate.batch import Batch
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
@@ -138,8 +137,23 @@ def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
     model = DrivenModel(
         setup=setup, parameters=series.parameters, plan=draft, alternative=series.alternative
     )
+    share = 0.0
     try:
-        share = max(_undriven(m, model, workers) for m in series.measurements)
+        for m in series.measurements:
+            ranges = []
+            for driven in (False, True):
+                # the first run at the start parameters, with the tones of the campaign or without
+                drive, batch = m.first_drive(driven=driven), Batch()
+                if drive is None:
+                    sampled = []
+                else:
+                    own = replace(model, setup=drive.setup)
+                    sampled = drive.sampled(own, starts(model.parameters), batch)
+                if sampled:
+                    batch.simulate(workers)
+                samples = batch.samples(sampled[0].run, sampled[0].output) if sampled else [0.0]
+                ranges.append(float(np.ptp(samples)))
+            share = max(share, ranges[0] / ranges[1] if ranges[1] > 0.0 else 0.0)
     except NoAnswer:
         raise
     except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked
@@ -150,24 +164,3 @@ def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
             "every amplitude of the drive is zero: wanted what else drives the FMU set to zero in "
             "[fmu.start]"
         )
-
-
-def _undriven(measurement: Measurement, model: DrivenModel, workers: Workers) -> float:
-    """Range of the output without any tone of the campaign, over the range with them."""
-    silent, driven = (
-        _range(measurement.first_drive(driven=on), model, workers) for on in (False, True)
-    )
-    return silent / driven if driven > 0.0 else 0.0
-
-
-def _range(measurement: Measurement | None, model: DrivenModel, workers: Workers) -> float:
-    """Range of the samples of its first run at the start parameters; zero where there is none."""
-    if measurement is None:
-        return 0.0
-    batch = Batch()
-    model = replace(model, setup=measurement.setup)
-    sampled = measurement.sampled(model, starts(model.parameters), batch)
-    if not sampled:
-        return 0.0
-    batch.simulate(workers)
-    return float(np.ptp(batch.samples(sampled[0].run, sampled[0].output)))

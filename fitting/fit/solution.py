@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,15 +79,6 @@ class Solution:
         errors = _errors(self.objective, self.final, self.seen, noise, self.structure, self.nu)
         return replace(self, noise=noise, errors=errors)
 
-    def structured(self, structure: Structure | None) -> Solution:
-        """The same end, its errors by another structure of the residuals of curves.
-
-        Args:
-            structure: of the residuals, None without curves.
-        """
-        errors = _errors(self.objective, self.final, self.seen, self.noise, structure, self.nu)
-        return replace(self, structure=structure, errors=errors)
-
 
 def solution_of(evaluator: Evaluator, x: FloatArray, nu: float) -> Solution:
     """Evaluate the campaign's start and an end, with Jacobian and covariance at the end.
@@ -102,7 +93,7 @@ def solution_of(evaluator: Evaluator, x: FloatArray, nu: float) -> Solution:
     """
     objective = evaluator.objective
     parameters = objective.parameters
-    initial, final = evaluator.whole([to_search(parameters, starts(parameters)), x])
+    initial, final = evaluator.points([to_search(parameters, starts(parameters)), x], whole=True)
     matrix = evaluator.jacobian(x)
     seen, secant_points = secants(evaluator, x, matrix)
     noise = fitted_noise(objective, final, seen, prior_sigmas(parameters, nu))
@@ -175,55 +166,31 @@ def curve_structure(
         return None
     if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
         columns = np.column_stack([columns, rows + data.measured_rows[mine]])  # d r/d ln chi
-    found = _solved_of_curves(objective, final)
-    columns = np.column_stack([columns, found.asked])
+    # what the rows are solved for inside takes degrees of freedom, too: columns of one curve, of
+    # the spectra of a map, and of stretches of rows that follow each other
+    own = maps = np.empty((rows.size, 0))
+    stretches = [np.empty((rows.size, 0))]
+    curves = [(k, m) for k, m in enumerate(data.measurements) if m.is_curve]
+    if any(m.solved_inside for _, m in curves):
+        [answer] = objective.response.evaluate_many([final.parameters])
+        of_own, of_maps, stretches = [], [], []
+        for k, m in curves:
+            prediction, nothing = answer.predictions[k], np.empty((m.rows, 0))
+            inside = nothing if m.is_trace else m.solved_columns(prediction)
+            of_own.append(nothing if m.control_units else inside)
+            of_maps.append(inside if m.control_units else nothing)
+            stretches += m.solved_blocks(prediction) if m.is_trace else [nothing]
+        own, maps = np.asarray(block_diag(*of_own)), np.asarray(block_diag(*of_maps))
+    columns = np.column_stack([columns, own])
     sigma = noise.sigma[mine]
     weights = float(np.sqrt(np.mean(sigma**2))) / sigma
     along = weights[:, None]
-    ends = np.cumsum([len(block) for block in found.of_stretches])[:-1]
-    stretches = [
-        block * part for block, part in zip(found.of_stretches, np.split(along, ends), strict=True)
-    ]
-    structure = residual_structure(
-        rows * weights, columns * along, found.of_maps * along, stretches
-    )
-    taken = columns.shape[1] + found.of_maps.shape[1] + sum(s.shape[1] for s in stretches)
+    parts = np.split(along, np.cumsum([len(block) for block in stretches])[:-1])
+    weighted = [block * part for block, part in zip(stretches, parts, strict=True)]
+    structure = residual_structure(rows * weights, columns * along, maps * along, weighted)
+    taken = columns.shape[1] + maps.shape[1] + sum(block.shape[1] for block in stretches)
     freedom = max(1, rows.size - taken)
     return structure.beyond(float(np.sum((rows / sigma) ** 2)) / freedom)
-
-
-@dataclass(frozen=True)
-class _SolvedInside:
-    """Derivatives of the rows of curves by what is solved inside: `asked` and `of_maps` (m, k).
-
-    `of_stretches` are of rows that follow each other, as many together.
-    """
-
-    asked: FloatArray
-    of_maps: FloatArray
-    of_stretches: Sequence[FloatArray]
-
-
-def _solved_of_curves(objective: Objective, point: Point) -> _SolvedInside:
-    """What measurements that are curves are solved for inside."""
-    curves = [m for m in objective.data.measurements if m.is_curve]
-    if not any(m.solved_inside for m in curves):
-        nothing = np.empty((sum(m.rows for m in curves), 0))
-        return _SolvedInside(nothing, nothing, (nothing,))
-    [answer] = objective.response.evaluate_many([point.parameters])
-    asked, of_maps = [], []
-    stretches: list[FloatArray] = []
-    for m, prediction in zip(objective.data.measurements, answer.predictions, strict=True):
-        if not m.is_curve:
-            continue
-        nothing = np.empty((m.rows, 0))
-        columns = nothing if m.is_trace else m.solved_columns(prediction)
-        of_maps.append(columns if m.control_units else nothing)
-        asked.append(nothing if m.control_units else columns)
-        stretches += m.solved_blocks(prediction) if m.is_trace else [nothing]
-    return _SolvedInside(
-        np.asarray(block_diag(*asked)), np.asarray(block_diag(*of_maps)), stretches
-    )
 
 
 def secants(

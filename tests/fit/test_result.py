@@ -124,7 +124,7 @@ STEP = PathLevel(
 
 
 def test_checkpoints(tmp_path: Path) -> None:
-    first = checkpoint.begin(tmp_path, "job one")
+    first = checkpoint.Checkpoint(tmp_path, "job one")
     first.record(STEP)
     first.record(replace(STEP, level=3, x=(1 / 3, 1e-300)))
     again = checkpoint.resume(tmp_path, "job one")
@@ -142,7 +142,7 @@ def test_checkpoints(tmp_path: Path) -> None:
 
 def test_a_checkpoint_is_whole_at_any_moment(tmp_path: Path) -> None:
     """Whoever reads between two writes reads one of them, never a part."""
-    kept = checkpoint.begin(tmp_path, "job")
+    kept = checkpoint.Checkpoint(tmp_path, "job")
     for level in range(30):
         kept.record(replace(STEP, level=level))
         assert len(checkpoint.resume(tmp_path, "job")) == level + 1
