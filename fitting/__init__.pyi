@@ -39,10 +39,10 @@ from fitting.api.problem import Problem as Problem
 from fitting.campaign.arrays import Parameter as Parameter
 from fitting.campaign.arrays import Sweep as Sweep
 from fitting.campaign.arrays import Tones as Tones
+from fitting.campaign.bound import Drive as Drive
+from fitting.campaign.bound import Setup as Setup
 from fitting.campaign.laws import Laws as Laws
 from fitting.campaign.noise import Noise as Noise
-from fitting.campaign.setup import Drive as Drive
-from fitting.campaign.setup import Setup as Setup
 from fitting.check.api import check as check
 from fitting.design.api import Goal as Goal
 from fitting.design.api import Limits as Limits

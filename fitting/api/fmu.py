@@ -17,8 +17,8 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy.typing as npt
 
 from fitting.api.written import DRIVE_FILES, SWEEP_FILES
+from fitting.campaign.bound import Drive as WantedDrive
 from fitting.campaign.file import WrittenFmu
-from fitting.campaign.setup import Drive as WantedDrive
 from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, read_description
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.isolation import Isolate, Isolation

@@ -15,9 +15,9 @@ from fitting.api.fmu import Fmu, opened_fmu
 from fitting.api.start_values import Starts, started
 from fitting.campaign import Campaign, WrittenFmu, bind
 from fitting.campaign.arrays import Parameter, Sweep, Tones, bind_arrays
+from fitting.campaign.joint import refuse_repeats
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
-from fitting.campaign.repeats import refuse_repeats
 from fitting.fit.density import Density
 from fitting.fit.objective import Objective, evaluate_many, jacobian_of, make_objective, stencil
 from fitting.fit.options import Options, options_of

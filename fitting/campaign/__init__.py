@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from fitting.campaign.binding import bind as bind
     from fitting.campaign.bound import BoundCampaign as BoundCampaign
     from fitting.campaign.bound import Drift as Drift
+    from fitting.campaign.bound import Drive as Drive
+    from fitting.campaign.bound import Setup as Setup
     from fitting.campaign.data import Campaign as Campaign
     from fitting.campaign.data import read_campaign as read_campaign
     from fitting.campaign.file import ContinuationSettings as ContinuationSettings
@@ -29,8 +31,6 @@ if TYPE_CHECKING:
     from fitting.campaign.measured import Phases as Phases
     from fitting.campaign.measured import Spectrum as Spectrum
     from fitting.campaign.measured import SweepData as SweepData
-    from fitting.campaign.setup import Drive as Drive
-    from fitting.campaign.setup import Setup as Setup
     from fitting.fmu.variables import VariableLike as VariableLike
 
 #: The module of each name: loaded when it is used, as most of what reads instruments needs none.
@@ -39,10 +39,10 @@ HOMES = {
     "Campaign": "fitting.campaign.data",
     "ContinuationSettings": "fitting.campaign.file",
     "Drift": "fitting.campaign.bound",
-    "Drive": "fitting.campaign.setup",
+    "Drive": "fitting.campaign.bound",
     "Experiment": "fitting.campaign.measured",
     "Phases": "fitting.campaign.measured",
-    "Setup": "fitting.campaign.setup",
+    "Setup": "fitting.campaign.bound",
     "Spectrum": "fitting.campaign.measured",
     "SweepData": "fitting.campaign.measured",
     "VariableLike": "fitting.fmu.variables",

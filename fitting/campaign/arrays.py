@@ -27,14 +27,13 @@ from fitting.campaign.binding import (
     parameter_of,
     written_numbers,
 )
-from fitting.campaign.bound import BoundCampaign
+from fitting.campaign.bound import BoundCampaign, Setup
 from fitting.campaign.drift import bind_sigmas
 from fitting.campaign.file import offset_trouble
 from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, Experiment, Phases, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import SCOPES
-from fitting.campaign.setup import Setup
 from fitting.fmu.variables import READABLE, VariableLike
 from fitting.lines.names import BACKGROUNDS
 from fitting.signal.scale import SCALES

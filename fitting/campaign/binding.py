@@ -12,10 +12,14 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from fitting.campaign.assumptions import with_assumptions
-from fitting.campaign.binder import Binder
-from fitting.campaign.bound import BoundCampaign, Drift
-from fitting.campaign.conflicts import check_conflicts, check_tones, with_laws
+from fitting.campaign.binder import (
+    Binder,
+    check_conflicts,
+    check_tones,
+    with_assumptions,
+    with_laws,
+)
+from fitting.campaign.bound import USUAL_ACCURACY, BoundCampaign, Drift, Drive, Setup
 from fitting.campaign.data import Campaign, in_other_unit
 from fitting.campaign.drift import Prior, bind_drift, bind_sigmas, drift_priors, with_offsets
 from fitting.campaign.file import SAMPLES_PER_PERIOD, CampaignHead, WrittenAccuracy, WrittenDrive
@@ -30,7 +34,6 @@ from fitting.campaign.noise import (
     sweep_sigmas,
 )
 from fitting.campaign.parameters import SCOPES, Parameter, ParameterTable, numbers_of
-from fitting.campaign.setup import USUAL_ACCURACY, Drive, Setup
 from fitting.fmu.accuracy import AccuracyAnnotation, AccuracyNames, Reduction
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
 from fitting.text.arrays import Scalar

@@ -21,6 +21,7 @@ from fitting.campaign.instruments import (
     read_recording,
     unit_of,
 )
+from fitting.campaign.instruments.recording import check_axis
 from fitting.campaign.instruments.roles import (
     PHASE,
     X,
@@ -31,7 +32,6 @@ from fitting.campaign.instruments.roles import (
     requested_column,
     without_zero,
 )
-from fitting.campaign.instruments.trace import check_axis
 from fitting.campaign.measured import check_count, check_rising
 from fitting.signal.complex_line import complex_line
 from fitting.text.arrays import ComplexArray, FloatArray

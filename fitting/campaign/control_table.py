@@ -12,9 +12,9 @@ import numpy as np
 
 from fitting.campaign.file import TraceFormat
 from fitting.campaign.instruments import Channel, Recording, read_trace, unit_of
+from fitting.campaign.instruments.plain import LEAST_POINTS, read_spectra_table
 from fitting.campaign.instruments.recording import of_table
 from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
-from fitting.campaign.instruments.wide import LEAST_POINTS, read_spectra_table
 from fitting.signal.amplitudes import to_peak
 from fitting.text.arrays import BoolArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered

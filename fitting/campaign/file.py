@@ -18,8 +18,8 @@ from typing import Annotated, Any
 from fitting.campaign.instruments import LAYOUTS, Columns, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
-from fitting.campaign.other_kinds import other_kind
 from fitting.campaign.parameters import ParameterTable
+from fitting.campaign.recognised import other_kind
 from fitting.fmu.accuracy import AccuracyNames, Reduction
 from fitting.lines.names import ADDED, BACKGROUNDS
 from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_amplitude

@@ -21,8 +21,8 @@ from fitting.text.keys import Keys
 
 if TYPE_CHECKING:  # they take what is read here
     from fitting.campaign.binder import Binder
+    from fitting.campaign.bound import Setup
     from fitting.campaign.parameters import Parameter
-    from fitting.campaign.setup import Setup
 
 
 class BoundMeasurement(Protocol):

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import layout_in, read_recording
-from fitting.campaign.instruments.recording import Channel, Numbers, Recording
+from fitting.campaign.instruments import (
+    PLAIN,
+    foreign_kind,
+    head_of,
+    layout_in,
+    layout_of,
+    read_recording,
+)
+from fitting.campaign.instruments.recording import Channel, Numbers, Recording, Selection
 from fitting.campaign.instruments.roles import (
     AMPLITUDE,
     PHASE,
@@ -22,7 +30,6 @@ from fitting.campaign.instruments.roles import (
     usual,
     usual_frequency,
 )
-from fitting.campaign.instruments.trace import Selection
 from fitting.text.errors import BadInput
 from fitting.text.notation import how_many
 from fitting.text.units import is_frequency, same_kind
@@ -305,3 +312,43 @@ def _letters(channel: Channel) -> str:
     unit = (channel.unit or "").lower()
     marks = unit if re.fullmatch(r"real|re|imag|imaginary|im", unit) else ""
     return re.sub(r"[^a-z0-9]+", " ", f"{channel.name} {marks}".lower()).strip()
+
+
+SUFFIX, USUAL = ".toml", "campaign.toml"
+#: Campaigns of a folder that a complaint names.
+MOST_NAMED = 4
+_FROM_FILES = "fmu-fit init FILE writes one, of a file of measurements"
+
+
+def other_kind(path: Path) -> BadInput | None:
+    """The complaint of a path that is no campaign's; None: nothing shows what it is.
+
+    Args:
+        path: of a folder, or of a file that is not TOML.
+    """
+    if path.is_dir():
+        inside = sorted(each for each in path.glob(f"*{SUFFIX}") if each.is_file())
+        inside = [each for each in inside if each.name == USUAL] or inside
+        names = " or ".join(map(str, inside[:MOST_NAMED])) + ", ..." * (len(inside) > MOST_NAMED)
+        wanted = f" in it: {names}" if inside else f", and there is none in it; {_FROM_FILES}"
+        return BadInput(f"{path}: is a folder; wanted a campaign{wanted}")
+    if path.suffix.lower() == SUFFIX:
+        return None
+    name = shlex.quote(str(path))
+    try:
+        kind = foreign_kind(head_of(path))
+        if kind == "an FMU":
+            return BadInput(
+                f"{path}: is an FMU, not a campaign; fmu-fit init FILE --fmu {name} writes the "
+                "campaign, of a file of measurements"
+            )
+        if kind:
+            return BadInput(f"{path}: is {kind}, not a campaign; {_FROM_FILES}")
+        if layout_of(path) == PLAIN:
+            recognised(path)
+    except BadInput:  # no such file, or text of another kind
+        return None
+    return BadInput(
+        f"{path}: is a file of measurements, not a campaign; fmu-fit init {name} writes the "
+        "campaign"
+    )

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments.wide import LEAST_POINTS
+from fitting.campaign.instruments.plain import LEAST_POINTS
 from fitting.design.continued import (
     SWEEPS,
     TRACES,

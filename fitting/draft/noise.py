@@ -14,7 +14,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.density import DENSITY, HOLDS, OBSERVED_UNITS, ROOT, Density, relative_density
+from fitting.campaign.instruments.roles import (
+    DENSITY,
+    HOLDS,
+    OBSERVED_UNITS,
+    ROOT,
+    Density,
+    relative_density,
+)
 from fitting.draft.questions import Question
 from fitting.draft.two_modes import COUPLED as COUPLED_MODES
 from fitting.draft.two_modes import TwoModes, apart_hz

@@ -6,14 +6,14 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitting.campaign.density import (
+from fitting.campaign.instruments.roles import (
     DENSITY,
     ROOT,
     Density,
     density_of,
+    plain_name,
     relative_density,
 )
-from fitting.campaign.instruments.roles import plain_name
 from fitting.resonance.noise_line import NoiseRecord, noise_record_of
 from fitting.resonance.reading import Columns, Roles, hertz_in, lead, map_in, roles_of
 from fitting.text.errors import BadInput

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign.binder import Binder
-from fitting.campaign.setup import Drive as WantedDrive
+from fitting.campaign.bound import Drive as WantedDrive
 from fitting.fmu import FmuDescription, FmuVariable
 from fitting.fmu.tone_names import amplitude_of, other_tones
 from fitting.fmu.variables import READABLE, SETTABLE

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.campaign.instruments.plain import read_spectra_table
 from fitting.campaign.instruments.roles import AMPLITUDE
-from fitting.campaign.instruments.wide import read_spectra_table
 from fitting.draft.api import init
 from fitting.measurements.control.table import ReadControlSweep
 from fitting.resonance.reading import Columns

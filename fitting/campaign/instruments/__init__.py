@@ -23,19 +23,21 @@ import pkgutil
 from pathlib import Path
 
 from fitting.campaign.instruments.foreign import foreign_kind, refuse_foreign
-from fitting.campaign.instruments.recording import Channel, Recording, unit_of
-from fitting.campaign.instruments.roles import trace_of
-from fitting.campaign.instruments.trace import (
+from fitting.campaign.instruments.recording import (
+    Channel,
     Columns,
     ComplexColumns,
     Head,
     Layout,
     RawTrace,
+    Recording,
     Selection,
     check_axis,
     head_of,
     own_estimates,
+    unit_of,
 )
+from fitting.campaign.instruments.roles import trace_of
 from fitting.text.errors import BadInput, did_you_mean
 
 __all__ = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from fitting.campaign.instruments.trace import Head
+from fitting.campaign.instruments.recording import Head
 from fitting.text.errors import BadInput
 
 _AS_TEXT = "export the sweep as text (CSV) in the program that wrote it"

@@ -16,14 +16,16 @@ import numpy as np
 
 from fitting.campaign.instruments.recording import (
     Channel,
+    Head,
+    Layout,
     Recording,
+    Selection,
     channel_of,
     of_rows,
     of_table,
     unit_of,
 )
 from fitting.campaign.instruments.roles import TIME, usual
-from fitting.campaign.instruments.trace import Head, Layout, Selection
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.loose_tables import UNITS, cells_of, is_number

@@ -19,8 +19,8 @@ from fitting.campaign.control_table import (
     spectra_at,
 )
 from fitting.campaign.instruments import LAYOUTS
+from fitting.campaign.instruments.plain import read_spectra_table
 from fitting.campaign.instruments.recording import Recording, of_table
-from fitting.campaign.instruments.wide import read_spectra_table
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.variables import READABLE
 from fitting.measurements.complex.curve import ComplexCurve

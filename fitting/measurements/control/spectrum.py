@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fitting.campaign.instruments.wide import LEAST_POINTS
+from fitting.campaign.instruments.plain import LEAST_POINTS
 from fitting.measurements.record import Curve
 from fitting.signal.rician import quadrature_noise
 from fitting.signal.roughness import roughness

@@ -9,13 +9,13 @@ from typing import Annotated, Any, ClassVar
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.density import (
+from fitting.campaign.instruments import Channel, Recording, Selection, read_recording, unit_of
+from fitting.campaign.instruments.roles import (
     HOLDS,
     Density,
     density_of,
     relative_density,
 )
-from fitting.campaign.instruments import Channel, Recording, Selection, read_recording, unit_of
 from fitting.measurements.noise.record import (
     COLOURED,
     FORCES,
