@@ -422,7 +422,7 @@ def _bind_noise(campaign: Campaign) -> Noise:
     declared = campaign.file.experiments or campaign.file.sweep
     if declared is None:
         return Noise()
-    noise = bind_noise(campaign.file.noise, declared.format.amplitude, campaign.amplitude_unit)
+    noise = bind_noise(campaign.file.noise, declared.detector, campaign.amplitude_unit)
     unknown = [e.label for e in campaign.experiments if not np.all(e.sigmas_v > 0.0)]
     if noise.outliers == "huber" and unknown and not noise.declared:
         raise BadInput(

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from fitting.campaign.file import (
-    TraceFormat,
     WrittenCampaign,
     WrittenExperiments,
     WrittenSweep,
@@ -27,7 +26,7 @@ from fitting.campaign.measured import (
     checked_experiment,
 )
 from fitting.lines.clipped_top import clipped_top
-from fitting.signal.amplitudes import to_peak
+from fitting.signal.amplitudes import Amplitude, to_peak
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, Complaints, did_you_mean, gathered
@@ -81,7 +80,7 @@ class Campaign:
     def amplitude_unit(self) -> str:
         """Unit of all amplitudes."""
         declared = self.file.sweep or self.file.experiments
-        return self.unit or (declared.format.amplitude.unit if declared is not None else "V")
+        return self.unit or (declared.detector.unit if declared is not None else "V")
 
 
 def in_other_unit(campaign: Campaign, factor: float, unit: str) -> Campaign:
@@ -141,7 +140,7 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
     stated.check()
     if file.experiments is not None and file.sweep is not None:
         # peaks and sweep are compared with each other, so they must share the detector's unit
-        unit, other = (t.format.amplitude.unit for t in (file.experiments, file.sweep))
+        unit, other = (t.detector.unit for t in (file.experiments, file.sweep))
         if unit != other:
             raise BadInput(
                 f"{path}: [sweep] amplitude is declared in {other}, [experiments] in {unit}; "
@@ -171,9 +170,9 @@ def _missing_files(path: Path, kinds: Sequence[type[MeasurementTable]]) -> list[
 
 
 def _read_sweep(written: WrittenSweep) -> SweepData:
-    how = written.format
-    raw = read_trace(written.file, how.layout, how.selection)
-    frequency_hz, amplitude_v = _calibrated(raw, how)
+    unit = written.detector.unit
+    raw = read_trace(written.file, written.layout, written.selection(written.columns))
+    frequency_hz, amplitude_v = _calibrated(raw, written.detector)
     phase_rad = None
     if raw.phase is not None:
         phase_rad = raw.phase * convert(1.0, raw.phase_unit, "rad", where=f"{raw.path}: phase")
@@ -183,7 +182,7 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
         at = np.flatnonzero(cut)
         limit, places = float(np.max(amplitude_v)), (raw.places[at[0]], raw.places[at[-1]])
         result = left_out(str(raw.path), at.size, *places, limit=limit)
-        omitted += (replace(result, names={**result.names, "unit": (how.amplitude.unit,)}),)
+        omitted += (replace(result, names={**result.names, "unit": (unit,)}),)
         frequency_hz, amplitude_v = frequency_hz[~cut], amplitude_v[~cut]
         phase_rad = None if phase_rad is None else phase_rad[~cut]
     return SweepData(
@@ -191,7 +190,7 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
         amplitude_v=amplitude_v,
         phase_rad=phase_rad,
         source=written.file,
-        unit=how.amplitude.unit,
+        unit=unit,
         notes=dict(raw.notes),
         left_out=omitted,
         use=written.use,
@@ -200,11 +199,11 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
     )
 
 
-def _calibrated(raw: RawTrace, how: TraceFormat) -> tuple[FloatArray, FloatArray]:
+def _calibrated(raw: RawTrace, detector: Amplitude) -> tuple[FloatArray, FloatArray]:
     """Frequency in Hz and peak amplitude in the declared unit."""
     where = f"{raw.path}: column 'frequency'"
     frequency = hertz_of(raw.frequency, raw.frequency_unit, where=where)
-    amplitude = to_peak(raw.amplitude, raw.amplitude_unit, how.amplitude, str(raw.path), raw.places)
+    amplitude = to_peak(raw.amplitude, raw.amplitude_unit, detector, str(raw.path), raw.places)
     for i in np.flatnonzero(frequency <= 0.0)[:1]:
         raise BadInput(
             f"{raw.path}: {raw.places[i]}: frequency {raw.frequency[i]:.9g} {raw.frequency_unit}; "
@@ -305,7 +304,8 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
     tones_hz: tuple[float, ...],
 ) -> Experiment:
     """The experiment of one row, with its spectrum or its ready peaks."""
-    path, row, drive, how = table.path, f"row {table.lines[i]}", file.driven, written.format
+    path, row, drive = table.path, f"row {table.lines[i]}", file.driven
+    detector = written.detector
 
     def place(name: str) -> str:
         return f"{path}: {row}, column '{name}'"
@@ -334,7 +334,7 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
         unit = unit_of(table, table.column(name), f"{name} (uV)")
         value = np.array([number(name)])
         size = np.abs(value) if part else value
-        peak = to_peak(size, unit, how.amplitude, str(path), [row], name)[0]
+        peak = to_peak(size, unit, detector, str(path), [row], name)[0]
         return float(np.copysign(peak, value[0]) if part else peak)
 
     def radians(name: str) -> float:
@@ -367,8 +367,8 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
     )
     if written.spectra is not None:
         source = folder / written.spectra.replace("{experiment}", label)
-        raw = read_trace(source, how.layout, how.selection)
-        spectrum = Spectrum(*_calibrated(raw, how), source=source, unit=how.amplitude.unit)
+        raw = read_trace(source, written.layout, written.selection(written.columns))
+        spectrum = Spectrum(*_calibrated(raw, detector), source=source, unit=detector.unit)
         measured, kind = (spectrum.frequency_hz, spectrum.amplitude_v), written.noise_floor
         reading = read_peaks(*measured, lines_hz, kind, source=str(source))
         floor_v = 0.0 if kind == "none" else reading.floor.level_v

@@ -167,40 +167,56 @@ class WrittenDrive(Keys):
         return self._lines()[1]
 
 
-@dataclass(frozen=True)
-class TraceFormat:
-    """How a trace file is read: layout (None: by its content), amplitude, selection in it."""
+@dataclass(frozen=True, kw_only=True)
+class LayoutKeys(Keys):
+    """How an instrument writes a file, and which part of it is taken."""
 
-    layout: str | None
-    amplitude: Amplitude
-    selection: Selection
+    layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
+    """How the instrument writes; without it the file's content decides."""
+    trace: Annotated[Count | None, Usually(1)] = None
+    """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
+    chunk: WholeNumber | None = None
+    """(zurich only) which sweep of the file; without it the only one there is."""
+    header_row: Count | None = None
+    """(csv only) row of the names of columns, from 1; without it the one above the numbers."""
 
+    def selection(self, columns: Columns) -> Selection:
+        """What is taken of the file.
 
-def check_layout_keys(table: Any, result: str = "", keys: Sequence[str] | None = None) -> None:
-    """Refuse a key that has no meaning with what is read.
+        Args:
+            columns: names of columns, where they are not the usual ones.
+        """
+        return Selection(
+            **vars(columns),
+            trace=self.trace or 1,
+            chunk=self.chunk,
+            header_row=self.header_row,
+        )
 
-    Args:
-        table: with the keys layout, trace, chunk and header_row, None where one is not there.
-        result: words for what is read; empty: the layout.
-        keys: that have a meaning; None: those of the layout, all where the content decides.
+    def check_layout(self, result: str = "", keys: Sequence[str] | None = None) -> None:
+        """Refuse a key that has no meaning with what is read.
 
-    Raises:
-        Refused: names the key, and the layouts with which it has a meaning.
-    """
-    part = ("trace", "chunk", "header_row")
-    if keys is None:
-        keys = part if table.layout is None else LAYOUTS[table.layout].keys
-    for key in part:
-        if getattr(table, key) is not None and key not in keys:
-            known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
-            result = result or f'layout = "{table.layout}"'
-            raise Refused(
-                f"has no meaning with {result}, only with layout = {' or '.join(known)}", key
-            )
+        Args:
+            result: words for what is read; empty: the layout.
+            keys: that have a meaning; None: those of the layout, all where the content decides.
+
+        Raises:
+            Refused: names the key, and the layouts with which it has a meaning.
+        """
+        part = ("trace", "chunk", "header_row")
+        if keys is None:
+            keys = part if self.layout is None else LAYOUTS[self.layout].keys
+        for key in part:
+            if getattr(self, key) is not None and key not in keys:
+                known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
+                result = result or f'layout = "{self.layout}"'
+                raise Refused(
+                    f"has no meaning with {result}, only with layout = {' or '.join(known)}", key
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenTrace(Keys):
+class WrittenTrace(LayoutKeys):
     """Keys that [experiments] and [sweep] share: what the files mean, and which layout they have.
 
     ``impedance`` in ohm.
@@ -215,37 +231,19 @@ class WrittenTrace(Keys):
     likewise, as "m peak"."""
     impedance: Annotated[float | None, Quantity("ohm")] = None
     """With dBm only, and required there."""
-    layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
-    """How the instrument writes; without it the file's content decides."""
     columns: Columns = field(default_factory=Columns)
     """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
     where the file states none."""
-    trace: Annotated[Count | None, Usually(1)] = None
-    """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
-    chunk: WholeNumber | None = None
-    """(zurich only) which sweep of the file; without it the only one there is."""
-    header_row: Count | None = None
-    """(csv only) row of the names of columns, from 1; without it the one above the numbers."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
-            declared_amplitude(self.amplitude, self.impedance, "")
-        self._check_layout()
-
-    def _check_layout(self) -> None:
-        check_layout_keys(self)
+            _ = self.detector
+        self.check_layout()
 
     @property
-    def format(self) -> TraceFormat:
-        """How a file is read."""
-        selection = Selection(
-            **vars(self.columns),
-            trace=self.trace or 1,
-            chunk=self.chunk,
-            header_row=self.header_row,
-        )
-        amplitude = declared_amplitude(self.amplitude, self.impedance, "")
-        return TraceFormat(layout=self.layout, amplitude=amplitude, selection=selection)
+    def detector(self) -> Amplitude:
+        """What the amplitudes mean."""
+        return declared_amplitude(self.amplitude, self.impedance, "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,15 +291,15 @@ class WrittenExperiments(WrittenTrace):
         if self.peak_sigmas and self.spectra is not None:
             raise Refused("wanted only together with 'peaks'", "peak_sigmas")
         super().__post_init__()
-        if self.x and self.format.amplitude.kind in ("dBm", "dB"):
+        if self.x and self.detector.kind in ("dBm", "dB"):
             raise Refused(
-                f"{self.format.amplitude.kind} is a magnitude, X and Y are parts of one; wanted "
+                f"{self.detector.kind} is a magnitude, X and Y are parts of one; wanted "
                 '"V peak" or "V rms", or peaks and phases',
                 "amplitude",
             )
-        if self.peak_sigmas and self.format.amplitude.kind in ("dBm", "dB"):
+        if self.peak_sigmas and self.detector.kind in ("dBm", "dB"):
             raise Refused(
-                f"a standard deviation in {self.format.amplitude.kind} is a ratio, not an "
+                f"a standard deviation in {self.detector.kind} is a ratio, not an "
                 'amplitude; wanted peaks and sigmas in "V peak" or "V rms"',
                 "peak_sigmas",
             )
@@ -336,11 +334,11 @@ class WrittenExperiments(WrittenTrace):
         """Columns that hold what was measured."""
         return (*self.peaks, *self.phases, *self.x, *self.y, *self.peak_sigmas)
 
-    def _check_layout(self) -> None:
-        if self.spectra is not None:
-            check_layout_keys(self)
-        else:
-            check_layout_keys(self, "ready peaks", ())
+    def check_layout(self, result: str = "", keys: Sequence[str] | None = None) -> None:
+        """Refuse a key that has no meaning: all of them where peaks are ready."""
+        if self.spectra is None:
+            result, keys = "ready peaks", ()
+        super().check_layout(result, keys)
 
 
 @dataclass(frozen=True, kw_only=True)

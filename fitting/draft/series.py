@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from fitting.campaign.control_table import FILE
 from fitting.campaign.instruments.recording import channel_of
 from fitting.draft.document import relative_path
 from fitting.draft.files import MapFile
 from fitting.draft.noise import BY_SCATTER, noise_look
 from fitting.extension.records import Channel, Recording
+from fitting.measurements.control.keys import FILE
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.file_control import (
     NAME,

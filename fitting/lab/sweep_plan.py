@@ -30,7 +30,7 @@ from fitting.lab.pumped_files import (
 )
 from fitting.lab.truth import REMARK
 from fitting.lab.writer import CAMPAIGN_NAME, head_lines
-from fitting.measurements.complex.control_table import ComplexControlSweepTable
+from fitting.measurements.complex.table import ComplexControlSweepTable
 from fitting.measurements.control.table import ControlSweepTable
 from fitting.signal.amplitudes import Amplitude, declared_amplitude
 from fitting.text.arrays import ComplexArray, FloatArray

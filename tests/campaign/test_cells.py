@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.campaign.complex_trace import read_complex
 from fitting.campaign.instruments import read_recording, read_trace
+from fitting.measurements.complex.keys import read_complex
 from fitting.text.errors import BadInput
 
 

@@ -5,18 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from fitting.campaign.complex_trace import read_complex
-from fitting.campaign.instruments import ComplexColumns, Selection, read_trace
+from fitting.campaign.instruments import Selection, read_trace
 from fitting.campaign.recognised import Recognised, recognised
+from fitting.measurements.complex.keys import read_complex
 from fitting.text.errors import BadInput
 from tests.support.written_resonance import AXIS_HZ, F_HZ, VALUES, WIDTH_HZ, found_line
 
 
-def selection_of(columns: dict[str, str]) -> Selection:
+def selection_of(columns: dict[str, Any]) -> Selection:
     """The same names of columns for a sweep of amplitudes."""
     names = (columns.get(key, "") for key in ("frequency", "amplitude", "phase", "x", "y"))
     frequency, amplitude, phase, x, y = names
@@ -46,7 +47,7 @@ COMPLEX = "\n".join(
     f"{f!r},{v.real:.12e}{v.imag:+.12e}j" for f, v in zip(AXIS_HZ.tolist(), VALUES, strict=True)
 )
 #: Files, and what the campaign has to say of them.
-FILES: dict[str, tuple[bytes, dict[str, str]]] = {
+FILES: dict[str, tuple[bytes, dict[str, Any]]] = {
     "tab": (text("frequency (Hz)\tX (V)\tY (V)", "fxy", "\t").encode(), {}),
     "semicolon, decimal comma": (
         text("frequency (MHz);x (V);y (V)", "Mxy", ";").replace(".", ",").encode(),
@@ -114,7 +115,7 @@ def test_the_resonance_is_found_in_any_spelling(name: str, tmp_path: Path) -> No
         data = data.replace(b"f (Hz),x (V),y (V)", b"Rec 7\r\nf (Hz),x (V),y (V)")
     path = tmp_path / "sweep.txt"
     path.write_bytes(data)
-    measured = read_complex(path, None, ComplexColumns(**columns))
+    measured = read_complex(path, None, Selection(**columns))
     f, width = found_line(measured.u_hz, measured.y)
     assert f == pytest.approx(F_HZ, abs=1e-6)
     assert width == pytest.approx(WIDTH_HZ, rel=1e-6)

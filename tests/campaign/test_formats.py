@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -22,16 +23,15 @@ import pyuff
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
-from fitting.campaign.complex_trace import read_complex
 from fitting.campaign.instruments import (
     LAYOUTS,
-    ComplexColumns,
     Selection,
     layout_of,
     read_recording,
     read_trace,
 )
 from fitting.campaign.recognised import recognised
+from fitting.measurements.complex.keys import read_complex
 from fitting.measurements.complex.table import ComplexSweepTable
 from fitting.resonance.reading import Columns as LineColumns
 from fitting.resonance.reading import roles_of
@@ -246,7 +246,7 @@ def nanonis(path: Path) -> None:
     )
 
 
-Columns = dict[str, str]
+Columns = dict[str, Any]
 #: Layout, name of the file, its writer, and what the campaign has to say.
 FILES: dict[str, tuple[str, str, Callable[[Path], object], Columns]] = {
     "s1p, RI, Hz": (
@@ -331,7 +331,7 @@ def test_the_resonance_is_found(name: str, tmp_path: Path) -> None:
     path = tmp_path / file
     write(path)
     assert layout_of(path) == layout
-    measured = read_complex(path, None, ComplexColumns(**columns))
+    measured = read_complex(path, None, Selection(**columns))
     f, width = found_line(measured.u_hz, measured.y)
     assert f == pytest.approx(F_HZ, abs=1e-5)
     assert width == pytest.approx(WIDTH_HZ, rel=1e-6)
@@ -659,7 +659,7 @@ def test_a_damaged_file_is_read_or_refused(name: str, tmp_path: Path) -> None:
         cut = int(draw.integers(1, len(data))) if k % 3 == 0 else len(data)
         path = folder / file
         path.write_bytes(damaged[:cut])
-        told = ComplexColumns(**columns)
+        told = Selection(**columns)
         said = complaints(partial(recognised, path))
         said += complaints(partial(read_complex, path, None, told))
         assert all(str(path) in line for line in said)

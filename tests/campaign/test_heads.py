@@ -11,9 +11,9 @@ import numpy.typing as npt
 import pytest
 
 import fitting as ff
-from fitting.campaign.complex_trace import read_complex
-from fitting.campaign.instruments import ComplexColumns, Selection, read_recording
+from fitting.campaign.instruments import Selection, read_recording
 from fitting.campaign.recognised import recognised
+from fitting.measurements.complex.keys import read_complex
 from fitting.resonance.reading import Columns, read_trace_of
 from fitting.text.errors import BadInput
 from tests.support.in_process import told
@@ -168,5 +168,5 @@ def test_elements_of_arrays_are_no_units(tmp_path: Path) -> None:
 def test_a_campaign_reads_what_line_reads(tmp_path: Path) -> None:
     path = tmp_path / "sweep.csv"
     path.write_text(FILES["settings in brackets first"][0], "utf-8")
-    measured = read_complex(path, None, ComplexColumns())
+    measured = read_complex(path, None, Selection())
     np.testing.assert_allclose(measured.u_hz, F, rtol=1e-9)

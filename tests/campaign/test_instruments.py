@@ -411,8 +411,8 @@ def test_a_layout_is_added_by_one_file(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setitem(LAYOUTS, "toy", found["toy"])
     assert layout_of(path) == "toy"
     table = {"file": path.name, "layout": "toy", "amplitude": "V rms", "chunk": 1}
-    how = read_record(WrittenSweep, table, tmp_path / "campaign.toml", "sweep").format
-    trace = read_trace(path, how.layout, how.selection)
+    how = read_record(WrittenSweep, table, tmp_path / "campaign.toml", "sweep")
+    trace = read_trace(path, how.layout, how.selection(how.columns))
     assert trace.frequency.tolist() == [1.0, 2.0, 3.0]
     assert (trace.amplitude_unit, trace.places[2]) == ("mV", "pair 3")
     with pytest.raises(BadInput, match=r'trace: .*layout = "toy"'):

@@ -14,7 +14,7 @@ import pytest
 import fitting as ff
 from fitting.draft.api import init
 from fitting.draft.series import series_of
-from fitting.measurements.control.table import ReadControlSweep
+from fitting.measurements.control.keys import ReadSpectra
 from fitting.resonance.reading import Columns
 from fitting.text.arrays import ComplexArray
 from fitting.text.errors import BadInput
@@ -100,8 +100,8 @@ def test_the_map_is_drafted_and_read(tmp_path: Path) -> None:
     assert ended.code == 0, ended.err
     assert listed(tmp_path / "o") == {v: f"sweep_Vg={v:+.1f}V.csv" for v in VOLTS}
     campaign = ff.read_campaign(tmp_path / "o" / "campaign.toml")
-    spectra = cast(ReadControlSweep, campaign.measurements["control_sweep"]).spectra
-    assert [s.controls["Vg"].value for s in spectra] == list(VOLTS)
+    places = cast(ReadSpectra, campaign.measurements["control_sweep"]).places
+    assert [p.controls["Vg"].value for p in places] == list(VOLTS)
 
 
 def test_a_map_with_phases(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import fitting as ff
 from fitting.campaign.instruments.plain import read_spectra_table
 from fitting.campaign.instruments.roles import AMPLITUDE
 from fitting.draft.api import init
-from fitting.measurements.control.table import ReadControlSweep
+from fitting.measurements.control.keys import ReadSpectra
 from fitting.resonance.reading import Columns
 from fitting.text.arrays import FloatArray
 from tests.support.crossing_spectra import A0, A1, B0, LAMBDA, SWEPT_HZ, VOLTS, WIDTH, response
@@ -106,7 +106,7 @@ def test_a_draft_of_it_starts_at_the_truth(by_row: bool, tmp_path: Path) -> None
     truth = {"a0": A0, "a1": A1, "f2": B0, "lambda12": LAMBDA, "d1": WIDTH, "d2": WIDTH}
     assert found == pytest.approx(truth, rel=1e-3)
     read = ff.read_campaign(made).measurements["control_sweep"]
-    assert isinstance(read, ReadControlSweep)
+    assert isinstance(read, ReadSpectra)
     spectra = read.spectra
     assert [s.label for s in spectra] == [f"{volt:g} V" for volt in VOLTS]
     np.testing.assert_array_equal([s.amplitude for s in spectra], EXACT)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.campaign.complex_trace import read_complex
 from fitting.lab.curves import AvoidedCrossing, WiredResonance
 from fitting.lab.names import WIRED
 from fitting.lab.true_values import true_values
+from fitting.measurements.complex.keys import read_complex
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.text.errors import BadInput
 from tests.support import crossing_spectra

@@ -13,7 +13,7 @@ import fitting as ff
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.pumped import PumpedBench, measure_pumped
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control.table import ReadControlSweep
+from fitting.measurements.control.keys import ReadSpectra
 from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -70,7 +70,7 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
     assert again.measured.bench == made.measured.bench
     assert tomllib.loads((tmp_path / "truth.toml").read_text("utf-8")) == made.truth
     swept = ff.read_campaign(tmp_path / "campaign.toml").measurements["control_sweep"]
-    assert isinstance(swept, ReadControlSweep)
+    assert isinstance(swept, ReadSpectra)
     read = np.array([s.amplitude for s in swept.spectra])
     assert read == pytest.approx(made.measured.amplitude_v, rel=1e-14)
     assert not np.array_equal(synthesize("pumped", seed=4).measured.amplitude_v, read)

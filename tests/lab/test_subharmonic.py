@@ -18,7 +18,7 @@ from fitting.lab.subharmonic import (
     closest_peaks_hz,
 )
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control.table import ReadControlSweep
+from fitting.measurements.control.keys import ReadSpectra
 from fitting.text.errors import BadInput
 
 BENCH = SubharmonicBench()
@@ -95,10 +95,10 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
     assert np.array_equal(again.measured.amplitude_v, made.measured.amplitude_v)
     assert tomllib.loads((tmp_path / "truth.toml").read_text("utf-8")) == made.truth
     swept = ff.read_campaign(tmp_path / "campaign.toml").measurements["control_sweep"]
-    assert isinstance(swept, ReadControlSweep)
+    assert isinstance(swept, ReadSpectra)
     read = np.array([s.amplitude for s in swept.spectra])
     assert read == pytest.approx(made.measured.amplitude_v, rel=1e-14)
-    assert [s.controls["volts"].value for s in swept.spectra] == [0.0, 1.0, 10.0]
+    assert [p.controls["volts"].value for p in swept.places] == [0.0, 1.0, 10.0]
     noisy = measure_pumped(BENCH, 5)
     assert np.max(noisy.true_v) == pytest.approx(BENCH.crest_v, rel=1e-3)
     assert np.std(noisy.amplitude_v - noisy.true_v) == pytest.approx(BENCH.noise_v, rel=0.15)

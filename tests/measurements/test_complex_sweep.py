@@ -12,9 +12,9 @@ from scipy.optimize import least_squares
 from scipy.stats import t
 
 import fitting as ff
-from fitting.campaign.complex_trace import MeasuredComplex, check_delay, read_complex
 from fitting.campaign.instruments import read_trace
 from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.keys import check_delay, read_complex
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.complex.wiring import Wiring
 from fitting.report.screen import phrase
@@ -276,7 +276,7 @@ def test_a_cable_of_more_than_a_turn_has_to_be_told(cable_s: float, told_s: floa
     """The sweep spans 80 Hz: 5 ms more or less turn its phase by less than half a turn."""
     y = with_noise(1e6 * mode(SEEN, ETA, WIDTH), 0.002, seed=3)
     y = y * np.exp(-2j * np.pi * SEEN * cable_s)
-    found = MeasuredComplex(frequency_hz=SEEN, values=y)
+    found = ComplexCurve(frequency_hz=SEEN, values=y)
     if abs(cable_s - told_s) < 0.0125:
         return check_delay(found, told_s, "here")
     with pytest.raises(BadInput, match="here: the phases") as caught:
@@ -289,7 +289,7 @@ def test_a_cable_of_more_than_a_turn_has_to_be_told(cable_s: float, told_s: floa
 def test_two_modes_are_no_cable() -> None:
     u = np.linspace(900.0, 1100.0, 401)
     y = mode(u, 960.0, 5.0) + mode(u, 1030.0, 4.0) * np.exp(1.0j)
-    check_delay(MeasuredComplex(frequency_hz=u, values=y), 0.0, "here")
+    check_delay(ComplexCurve(frequency_hz=u, values=y), 0.0, "here")
 
 
 def test_a_delay_that_the_sweep_does_not_resolve_is_refused() -> None:

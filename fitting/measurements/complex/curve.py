@@ -7,8 +7,9 @@ from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from fitting.campaign.complex_trace import MeasuredComplex
+from fitting.campaign.measured import check_count, check_rising
 from fitting.measurements.complex.wiring import Wiring
 from fitting.measurements.record import Curve, Record
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
@@ -17,7 +18,9 @@ from fitting.signal.roughness import roughness
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 from fitting.text.errors import BadInput
+from fitting.text.finding import Finding
 from fitting.text.notation import hertz
+from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: Line widths that a sweep has to span for a delay to be told from the phase of the line itself.
 WIDTHS_FOR_DELAY = 3.0
@@ -25,7 +28,7 @@ WIDTHS_FOR_DELAY = 3.0
 
 @checked
 @dataclass(frozen=True, eq=False)
-class ComplexCurve(MeasuredComplex, Record, Curve):
+class ComplexCurve(Record, Curve):
     """Complex values of one sweep.
 
     Args:
@@ -49,6 +52,8 @@ class ComplexCurve(MeasuredComplex, Record, Curve):
         BadInput: fewer than 8 points, shapes that differ, values that are no numbers.
     """
 
+    frequency_hz: npt.ArrayLike
+    values: npt.ArrayLike
     _: KW_ONLY
     sigma: float = 0.0
     setting_sigma: Mapping[str, float] = field(default_factory=dict)
@@ -57,6 +62,30 @@ class ComplexCurve(MeasuredComplex, Record, Curve):
     shared: bool = False
     restarted: bool = False
     source: str = "complex sweep"
+    left_out: tuple[Finding, ...] = ()
+    u_hz: FloatArray = field(init=False)
+    y: ComplexArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        where = self.source
+        f = as_numbers(self.frequency_hz, f"{where}: frequencies")
+        values = np.asarray(as_values(self.values, f"{where}: values"), dtype=complex)
+        if f.ndim != 1 or f.shape != values.shape:
+            raise BadInput(
+                f"{where}: frequencies {f.shape} and values {values.shape}; wanted (n,) for both"
+            )
+        check_count(f.size, where)
+        for name, numbers in (("frequency", f), ("X", values.real), ("Y", values.imag)):
+            for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
+                raise BadInput(
+                    f"{where}: {name} number {i + 1} is {numbers[i]}, wanted a finite number"
+                )
+        require_size(values, f"{where}: values")
+        check_rising(f, where)
+        if not np.any(np.abs(values) > 0.0):
+            raise BadInput(f"{where}: every value is zero; wanted a resonance")
+        object.__setattr__(self, "u_hz", f)
+        object.__setattr__(self, "y", values)
 
     def check_delay(self) -> None:
         """Complain of a delay that is to be fitted and that the sweep cannot tell.

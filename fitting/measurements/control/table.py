@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.control_table import (
-    MeasuredSpectrum,
-    read_spectra,
-)
-from fitting.campaign.file import TraceFormat
-from fitting.campaign.instruments import LAYOUTS, Selection
-from fitting.campaign.kind import MeasurementTable
+from fitting.campaign.instruments import LAYOUTS, Channel, Recording, Selection, read_trace, unit_of
+from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
 from fitting.fmu.variables import READABLE
 from fitting.measurements.clipped import cut_off
-from fitting.measurements.control.keys import ControlKeys
+from fitting.measurements.control.keys import ControlPlace, ControlTable
 from fitting.measurements.control.scales import SCALES
 from fitting.measurements.control.spectrum import ControlSpectrum
 from fitting.measurements.control.sweep import ControlSweep
-from fitting.signal.amplitudes import declared_amplitude
-from fitting.text.arrays import FloatArray
+from fitting.signal.amplitudes import Amplitude, declared_amplitude, to_peak
+from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.formula import Formula
+from fitting.text.frequency import hertz_of
 from fitting.text.keys import (
     FileName,
     Keys,
@@ -43,6 +38,9 @@ from fitting.text.keys import (
 )
 from fitting.text.written import sigma_in
 
+#: A line is looked for so far from its harmonic, in fundamentals: odd ones are two apart.
+REACH = 0.8
+
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenSpectrumColumns(Keys):
@@ -55,7 +53,7 @@ class WrittenSpectrumColumns(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlSweepTable(MeasurementTable, ControlKeys):
+class ControlSweepTable(ControlTable):
     """Spectra over drive frequency at several values of a control quantity, fitted as a whole."""
 
     TABLE: ClassVar[str] = "control_sweep"
@@ -106,93 +104,169 @@ class ControlSweepTable(MeasurementTable, ControlKeys):
                 'wanted "each" or "shared": dB have a reference that is not known', "scale"
             )
 
-    def read(self) -> ReadControlSweep:
-        """Its files: Hz, peak amplitudes, controls as written."""
-        how = TraceFormat(
-            layout=self.layout,
-            amplitude=declared_amplitude(self.amplitude, self.impedance, ""),
-            selection=Selection(frequency=self.columns.frequency, amplitude=self.columns.amplitude),
-        )
-        spectra = read_spectra(
-            self.file, how, self.controls, self.drive or "", self.lines, self.range_hz
-        )
-        return ReadControlSweep(self, how, spectra)
-
-
-@dataclass(frozen=True)
-class ReadControlSweep:
-    """Spectra as `table` tells of them, and as their files have them."""
-
-    table: ControlSweepTable
-    format: TraceFormat
-    spectra: tuple[MeasuredSpectrum, ...]
-
     @property
-    def files(self) -> tuple[Path, ...]:
-        """All files that were read."""
-        own = (s.source for s in self.spectra if s.source != self.table.file)
-        return (self.table.file, *own)
+    def detector(self) -> Amplitude:
+        """What the amplitudes mean."""
+        return declared_amplitude(self.amplitude, self.impedance, "")
 
-    def bind(self, binder: Binder, setup: Setup) -> ControlSweep:
-        """The same with the controls in the units of laws and of the FMU."""
-        table, where = self.table, f"{setup.source}: [control_sweep]"
-        unit = self.format.amplitude.unit
-        gathered(self._names(binder, f"{where} output", unit))
-        sigma = sigma_in(table.sigma, unit)
+    def spectrum_at(self, recording: Recording, place: ControlPlace) -> ControlSpectrum:
+        """The peak amplitudes of a place in Hz, with the drive where a column states it."""
+        drive: FloatArray | None = None
+        if place.file != recording.path:
+            wanted = Selection(frequency=self.columns.frequency, amplitude=self.columns.amplitude)
+            raw = read_trace(place.file, self.layout, wanted)
+            f = raw.frequency * _hertz(raw.frequency_unit, f"{place.file}: column 'frequency'")
+            sizes, unit, rows = raw.amplitude, raw.amplitude_unit, raw.places
+        else:
+            f, sizes, unit, drive = self._points(recording, place.rows)
+            rows = tuple(recording.places[i] for i in place.rows)
+        amplitude = to_peak(sizes, unit, self.detector, str(place.file), rows)
+        if self.lines is not None:
+            f, amplitude, bins = odd_harmonics(f, amplitude, self.lines)
+            drive = None if drive is None else drive[bins]
+        where = f"{place.file}: the spectrum at {place.label}"
+        kept = self.inside(f, where)
+        if not np.any(amplitude[kept] > 0.0):
+            raise BadInput(f"{where}: every amplitude is zero; wanted a resonance")
+        return ControlSpectrum(
+            f[kept],
+            amplitude[kept],
+            {},
+            label=place.label,
+            drive=1.0 if drive is None else drive[kept],
+        )
+
+    def _points(
+        self, recording: Recording, rows: IntArray
+    ) -> tuple[FloatArray, FloatArray, str, FloatArray | None]:
+        """Frequencies in Hz, amplitudes, their unit and the drive in rows of a table, (n,) each."""
+        path, places = recording.path, [recording.places[i] for i in rows]
+        taken = {name.lower() for name in (*self.controls, self.drive or "")}
+
+        def column(name: str, usual: Sequence[str]) -> Channel:
+            """The column of the wanted name, else of the first usual one that is no control."""
+            if name:
+                return recording.column(name)
+            there = (recording.find(each) for each in usual if each not in taken)
+            first = next((each for each in there if each is not None), None)
+            return first or recording.column(usual[0])
+
+        frequency = column(self.columns.frequency, FREQUENCY)
+        amplitude = column(self.columns.amplitude, AMPLITUDE)
+        unit = unit_of(recording, frequency, "frequency (Hz)")
+        hertz = _hertz(unit, f"{path}: column '{frequency.name}'")
+        f = hertz * recording.numbers(frequency)[rows]
+        for i in np.flatnonzero(f < 0.0)[:1]:
+            raise BadInput(
+                f"{path}: {places[i]}: frequency {f[i]:.12g} Hz; wanted one from zero on"
+            )
+        for i in np.flatnonzero(np.diff(f) <= 0.0)[:1]:
+            raise BadInput(
+                f"{path}: {places[i + 1]}: frequency {f[i + 1]:.12g} Hz follows {f[i]:.12g} Hz; "
+                "wanted strictly rising ones at each value of the controls"
+            )
+        unit = unit_of(recording, amplitude, "amplitude (uV)")
+        values = recording.numbers(amplitude)[rows]
+        driven = recording.find(self.drive) if self.drive else None
+        drive = None if driven is None else recording.numbers(driven)[rows]
+        if drive is not None and np.any(drive <= 0.0):
+            bad = places[int(np.argmax(drive <= 0.0))]
+            raise BadInput(f"{path}: {bad}, column '{self.drive}': wanted more than zero")
+        return f, values, unit, drive
+
+    def bind_spectra(
+        self,
+        places: Sequence[ControlPlace],
+        spectra: Sequence[ControlSpectrum],
+        binder: Binder,
+        setup: Setup,
+    ) -> ControlSweep:
+        """The spectra with the controls in the units of laws and of the FMU."""
+        where, unit = f"{setup.source}: [control_sweep]", self.detector.unit
+        names: list[Callable[[], object]] = []
+        if self.output:
+            names += [partial(binder.real, self.output, f"{where} output", READABLE, "observed")]
+        # one column: what is wrong with it is reported once
+        names += [partial(sigma_in, self.sigma, unit), partial(binder.settings, places[0].controls)]
+        gathered(names)
+        sigma = sigma_in(self.sigma, unit)
+        bound = []
+        for place, spectrum in zip(places, spectra, strict=True):
+            level = self._level(spectrum, f"{where} drive")
+            source = f"{place.file}{f', {place.label}' * bool(place.label)}"
+            cut, left_out = cut_off(spectrum.u_hz, spectrum.y, unit, source)
+            settings = {n: float(binder.setting(n, w)) for n, w in place.controls.items()}
+            bound.append(
+                replace(
+                    spectrum,
+                    frequency_hz=spectrum.u_hz[~cut],
+                    amplitude=spectrum.y[~cut],
+                    settings=settings,
+                    sigma=np.hypot(sigma, self.relative * spectrum.y)[~cut],
+                    drive=level[~cut],
+                    left_out=left_out,
+                )
+            )
         return ControlSweep(
             setup=setup,
-            spectra=tuple(
-                self._spectrum(s, binder, sigma, self._drive(s, setup, where), unit)
-                for s in self.spectra
-            ),
-            units=table.control_units(binder),
-            scaled_by=table.scale,
-            rectified=table.rectified,
-            estimated=table.sigma is None and not table.relative and table.lines is None,
-            logarithmic=self.format.amplitude.kind == "dB",
-            output=table.output or "",
+            spectra=tuple(bound),
+            units=self.control_units(binder),
+            scaled_by=self.scale,
+            rectified=self.rectified,
+            estimated=self.sigma is None and not self.relative and self.lines is None,
+            logarithmic=self.detector.kind == "dB",
+            output=self.output or "",
             unit=unit,
         )
 
-    def _spectrum(
-        self, s: MeasuredSpectrum, binder: Binder, sigma: float, drive: FloatArray, unit: str
-    ) -> ControlSpectrum:
-        """One spectrum, without what the instrument cut off at its limit."""
-        source = f"{s.source}{f', {s.label}' * bool(s.label)}"
-        cut, left_out = cut_off(s.frequency_hz, s.amplitude, unit, source)
-        return ControlSpectrum(
-            s.frequency_hz[~cut],
-            s.amplitude[~cut],
-            {name: float(binder.setting(name, w)) for name, w in s.controls.items()},
-            label=s.label,
-            sigma=np.hypot(sigma, self.table.relative * s.amplitude)[~cut],
-            drive=drive[~cut],
-            left_out=left_out,
-        )
-
-    def _names(self, binder: Binder, where: str, unit: str) -> Iterator[Callable[[], object]]:
-        """What looks at each name and value by itself."""
-        if self.table.output:
-            yield partial(binder.real, self.table.output, where, READABLE, "observed")
-        yield partial(sigma_in, self.table.sigma, unit)
-        for spectrum in self.spectra[:1]:  # one column: what is wrong with it is told once
-            yield partial(binder.settings, spectrum.controls)
-
-    def _drive(self, spectrum: MeasuredSpectrum, setup: Setup, where: str) -> FloatArray:
+    def _level(self, spectrum: ControlSpectrum, where: str) -> FloatArray:
         """Amplitude of the drive over its level, at every point of a spectrum."""
-        if spectrum.drive is not None:
-            return spectrum.drive
-        if self.table.drive is None:
-            return np.ones(spectrum.frequency_hz.size)
-        formula = Formula(self.table.drive, f"{where} drive")
+        if self.drive is None or np.ndim(spectrum.drive):  # none, or a column of the file
+            return spectrum.level
+        formula = Formula(self.drive, where)
         if formula.names != ("f",):
             raise BadInput(
                 f"{formula.where}: '{formula.text}' is neither a column of the file nor a formula "
                 "of the frequency f alone, in Hz"
             )
-        values = formula.value({"f": spectrum.frequency_hz})
+        values = formula.value({"f": spectrum.u_hz})
         if not np.all(np.isfinite(values) & (values > 0.0)):
             raise BadInput(
                 f"{formula.where}: '{formula.text}' is no positive number at all frequencies"
             )
         return np.asarray(values)
+
+
+def _hertz(unit: str, where: str) -> float:
+    """Hz in one of the unit: of many points at once, each rounded twice."""
+    return float(hertz_of([1.0], unit, where=where)[0])
+
+
+def odd_harmonics(
+    frequency_hz: FloatArray, amplitude: FloatArray, fundamental_hz: float
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """The odd harmonics of a periodic drive that a spectrum shows: Hz, amplitude, point, (k,) each.
+
+    Of the points within 0.8 fundamentals of a harmonic the highest is taken if it is above both
+    its neighbours; the amplitude is that of the parabola through the logarithms of the three, which
+    is the line's own where the window of the transform is smooth, not the one of the nearest bin.
+
+    Args:
+        frequency_hz: of the points, (n,), Hz, rising.
+        amplitude: of the points, (n,).
+        fundamental_hz: frequency of the drive's period, Hz.
+    """
+    f, a = frequency_hz, amplitude
+    result = []
+    for n in range(1, int(f[-1] / fundamental_hz) + 1, 2):
+        near = np.flatnonzero(np.abs(f - n * fundamental_hz) < REACH * fundamental_hz)
+        k = int(near[np.argmax(a[near])]) if near.size else 0
+        if not 0 < k < f.size - 1 or min(a[k - 1 : k + 2]) <= 0.0:
+            continue
+        left, top, right = np.log(a[k - 1 : k + 2])
+        bend = left - 2.0 * top + right
+        if bend < 0.0 and top >= max(left, right):
+            height = top - (left - right) ** 2 / (8.0 * bend)
+            result.append((n * fundamental_hz, float(np.exp(height)), k))
+    lines, heights, points = np.array(result).reshape(-1, 3).T
+    return lines, heights, points.astype(int)
