@@ -5,12 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, TypeAlias
-
-import numpy as np
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from fitting.campaign.binder import (
     Binder,
@@ -20,19 +18,13 @@ from fitting.campaign.binder import (
     with_laws,
 )
 from fitting.campaign.bound import USUAL_ACCURACY, BoundCampaign, Drift, Drive, Setup
-from fitting.campaign.data import Campaign, in_other_unit
+from fitting.campaign.data import Campaign
 from fitting.campaign.drift import Prior, bind_drift, bind_sigmas, drift_priors, with_offsets
 from fitting.campaign.file import SAMPLES_PER_PERIOD, CampaignHead, WrittenAccuracy, WrittenDrive
 from fitting.campaign.kind import labels_of
 from fitting.campaign.laws import Laws
-from fitting.campaign.measured import Experiment, SweepData
-from fitting.campaign.noise import (
-    Noise,
-    bind_noise,
-    scale_parameter,
-    sweep_scale_sigma,
-    sweep_sigmas,
-)
+from fitting.campaign.measured import Experiment, Spectrum, SweepData
+from fitting.campaign.noise import bind_noise, scale_parameter, sweep_scale_sigma, sweep_sigmas
 from fitting.campaign.parameters import SCOPES, Parameter, ParameterTable, numbers_of
 from fitting.fmu.accuracy import AccuracyAnnotation, AccuracyNames, Reduction
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
@@ -47,6 +39,7 @@ if TYPE_CHECKING:  # it takes what is bound here
 
 #: A parameter as a file has it, or as a program gives it.
 WrittenParameter: TypeAlias = "ParameterTable[Written] | ProgramParameter"
+Curve = TypeVar("Curve", Spectrum, SweepData)
 #: Each combination of alternatives is a fit of its own.
 MOST_ALTERNATIVES = 100
 #: Causalities of variables that hold a tone.
@@ -93,7 +86,7 @@ def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCamp
     with stated:
         drift = bind_drift(campaign, binder)
     with stated:
-        noise = _bind_noise(campaign)
+        noise = bind_noise(campaign)
     with stated:
         binder.settings(columns)
     with stated:
@@ -171,36 +164,26 @@ def completed(
     """
     further = bound.measurements.values()
     labels = [*(e.label for e in bound.experiments), *labels_of(further)]
-    parameters = (
-        *_of_experiments(fitted, labels),
-        *bound.drift.parameters,
-        *_free_scale(bound.sweep, bound.noise),
-        *(p for m in further for p in m.parameters),
-    )
-    bound = replace(bound, parameters=parameters, notes=tuple(binder.notes))
+    parameters: list[Parameter] = []
+    for p in fitted:
+        if p.scope == SCOPES[0]:
+            parameters.append(p)
+            continue
+        for label in labels:
+            own = {"name": f"{p.name}[{label}]", "variable": p.name, "experiment": label}
+            parameters.append(replace(p, scope=SCOPES[0], **own))
+    parameters += bound.drift.parameters
+    sweep = bound.sweep
+    if sweep is not None and sweep.scale == "free":
+        spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, bound.noise)
+        sigma = sweep_scale_sigma(sweep.amplitude_v, spread, "fit")
+        parameters.append(scale_parameter(sigma, swept=sweep.use == "fit"))
+    parameters += [p for m in further for p in m.parameters]
+    bound = replace(bound, parameters=tuple(parameters), notes=tuple(binder.notes))
     bound = with_offsets(bound, binder, priors)
     check_conflicts(bound, binder)
     check_tones(bound, binder)
     return with_laws(bound, binder)
-
-
-def _of_experiments(parameters: Sequence[Parameter], labels: Sequence[str]) -> Iterator[Parameter]:
-    """The parameters, those of the scope "experiment" one for each of the labels."""
-    for p in parameters:
-        if p.scope == SCOPES[0]:
-            yield p
-            continue
-        for label in labels:
-            name = f"{p.name}[{label}]"
-            yield replace(p, scope=SCOPES[0], name=name, variable=p.name, experiment=label)
-
-
-def _free_scale(sweep: SweepData | None, noise: Noise) -> Iterator[Parameter]:
-    """The parameter of a scale that is fitted with the rest; none for any other scale."""
-    if sweep is not None and sweep.scale == "free":
-        spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, noise)
-        sigma = sweep_scale_sigma(sweep.amplitude_v, spread, "fit")
-        yield scale_parameter(sigma, swept=sweep.use == "fit")
 
 
 def bind_parameters(written: Sequence[WrittenParameter], binder: Binder) -> list[Parameter]:
@@ -396,7 +379,22 @@ def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder)
         return campaign
     unit = output.unit or base_unit(own)
     binder.note(note(Kind.amplitudes_converted, output.name, {"units": (own, unit)}))
-    return in_other_unit(campaign, factor, unit)
+
+    def converted(curve: Curve) -> Curve:
+        return replace(curve, amplitude_v=factor * curve.amplitude_v, unit=unit)
+
+    experiments = tuple(
+        replace(
+            e,
+            peaks_v=factor * e.peaks_v,
+            sigmas_v=factor * e.sigmas_v,
+            floor_v=factor * e.floor_v,
+            spectrum=e.spectrum and converted(e.spectrum),
+        )
+        for e in campaign.experiments
+    )
+    sweep = campaign.sweep and converted(campaign.sweep)
+    return replace(campaign, experiments=experiments, sweep=sweep, unit=unit)
 
 
 def factor_to_output(unit: str, output: VariableLike, where: str) -> float:
@@ -416,20 +414,6 @@ def factor_to_output(unit: str, output: VariableLike, where: str) -> float:
         raise BadInput(
             f"{error}; without a scale amplitudes are compared with '{output.name}' as they are"
         ) from error
-
-
-def _bind_noise(campaign: Campaign) -> Noise:
-    declared = campaign.file.experiments or campaign.file.sweep
-    if declared is None:
-        return Noise()
-    noise = bind_noise(campaign.file.noise, declared.detector, campaign.amplitude_unit)
-    unknown = [e.label for e in campaign.experiments if not np.all(e.sigmas_v > 0.0)]
-    if noise.outliers == "huber" and unknown and not noise.declared:
-        raise BadInput(
-            f'{campaign.path}: [noise] outliers = "huber" wants the noise of every peak, unknown '
-            f"for '{unknown[0]}'; wanted peak_sigmas, or relative or absolute in [noise]"
-        )
-    return noise
 
 
 def _bind_annotation(choice: WrittenAccuracy, binder: Binder, where: str) -> AccuracyAnnotation:

@@ -83,31 +83,6 @@ class Campaign:
         return self.unit or (declared.detector.unit if declared is not None else "V")
 
 
-def in_other_unit(campaign: Campaign, factor: float, unit: str) -> Campaign:
-    """The campaign with every amplitude multiplied by ``factor``: they are in ``unit`` then.
-
-    Args:
-        campaign: campaign as it was read.
-        factor: by which values are multiplied.
-        unit: that the amplitudes are in then.
-    """
-    experiments = tuple(
-        replace(
-            e,
-            peaks_v=factor * e.peaks_v,
-            sigmas_v=factor * e.sigmas_v,
-            floor_v=factor * e.floor_v,
-            spectrum=e.spectrum
-            and replace(e.spectrum, amplitude_v=factor * e.spectrum.amplitude_v, unit=unit),
-        )
-        for e in campaign.experiments
-    )
-    sweep = campaign.sweep
-    if sweep is not None:
-        sweep = replace(sweep, amplitude_v=factor * sweep.amplitude_v, unit=unit)
-    return replace(campaign, experiments=experiments, sweep=sweep, unit=unit)
-
-
 def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()) -> Campaign:
     """Read a campaign file and every data file that it names.
 
@@ -223,11 +198,13 @@ def _read_experiments(
         for name in written.data_columns
     ]
     columns = [c.name for c in table.columns]
-    gathered(
-        partial(_raise, f"{table.path}: no column '{name}'{what}{did_you_mean(name, columns)}")
+    missing = [
+        f"{table.path}: no column '{name}'{what}{did_you_mean(name, columns)}"
         for name, what in wanted
         if table.find(name) is None
-    )
+    ]
+    if missing:
+        raise BadInput(*missing)
     labels = table.texts(table.column("experiment"))
     for i, label in enumerate(labels):
         if not label or label in labels[:i]:
@@ -266,10 +243,6 @@ def _read_experiments(
             for i, (label, own) in rows
         )
     )
-
-
-def _raise(line: str) -> None:
-    raise BadInput(line)
 
 
 def _check_phases(table: Table, written: WrittenExperiments) -> None:

@@ -29,7 +29,6 @@ import numpy as np
 from fitting.campaign.binder import Binder, is_real
 from fitting.campaign.bound import ROUNDING, BoundCampaign, Drift
 from fitting.campaign.data import Campaign
-from fitting.campaign.kind import AtStatedValues
 from fitting.campaign.measured import Experiment
 from fitting.campaign.parameters import Parameter
 from fitting.fmu.variables import SETTABLE, VariableLike
@@ -347,8 +346,6 @@ def with_offsets(bound: BoundCampaign, binder: Binder, drift: Sequence[Prior]) -
             parameters += [prior.correction([sweep.label]) for prior in priors]
     measurements = dict(bound.measurements)
     for table, measurement in bound.measurements.items():
-        if not isinstance(measurement, AtStatedValues):
-            continue
         width_hz, sigmas = measurement.line_width_hz or 0.0, measurement.setting_sigmas
         places = measurement.places
         each = [priors_at(own, sigmas.get(label, {}), width_hz) for label, own in places]

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 from fitting.text.arrays import Scalar
 from fitting.text.keys import Keys
@@ -52,19 +52,6 @@ class BoundMeasurement(Protocol):
     def parameters(self) -> tuple[Parameter, ...]:
         """What is fitted next to the FMU's parameters, as the delay of a cable."""
 
-    def within(self, setup: Setup, series: str) -> BoundMeasurement:
-        """The same as part of a series that is driven so.
-
-        Args:
-            setup: how the series drives the FMU.
-            series: its name.
-        """
-
-
-@runtime_checkable
-class AtStatedValues(Protocol):
-    """What a bound measurement shows at the values that it is stated to have been made at."""
-
     @property
     def line_width_hz(self) -> float | None:
         """Width of a line that the data show, Hz; None where they show none."""
@@ -78,6 +65,14 @@ class AtStatedValues(Protocol):
 
         Args:
             label: of the place.
+        """
+
+    def within(self, setup: Setup, series: str) -> BoundMeasurement:
+        """The same as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
         """
 
 

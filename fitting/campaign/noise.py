@@ -12,18 +12,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitting.campaign.file import OUTLIERS, WrittenNoise
+from fitting.campaign.file import OUTLIERS
 from fitting.campaign.parameters import Parameter
-from fitting.signal.amplitudes import Amplitude
 from fitting.signal.scale import laboratory_maximum
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.numbers import LEAST, MOST
 from fitting.text.written import in_unit
+
+if TYPE_CHECKING:  # it is read with what stands here
+    from fitting.campaign.data import Campaign
 
 #: Repeats tell the scatter from this many degrees of freedom on (to a third of it).
 ENOUGH_REPEATS = 4
@@ -84,31 +87,40 @@ class Noise:
         return np.asarray(np.hypot(np.nan_to_num(floor_v, nan=0.0), own))
 
 
-def bind_noise(choice: WrittenNoise, amplitude: Amplitude, unit: str) -> Noise:
-    """Declared noise as peak amplitude in ``unit``, in the same meaning as the amplitudes.
+def bind_noise(campaign: Campaign) -> Noise:
+    """Declared noise as peak amplitude, in the unit and the meaning of the campaign's amplitudes.
 
     Args:
-        choice: the table [noise] as it is written.
-        amplitude: how amplitudes are written: kind (peak or rms), unit and impedance.
-        unit: of the values.
+        campaign: campaign as it was read.
 
     Raises:
-        BadInput: an absolute noise that is negative or in another unit.
+        BadInput: an absolute noise that is negative or in another unit; outliers of peaks whose
+            noise is not known.
     """
+    trace, choice = campaign.file.experiments or campaign.file.sweep, campaign.file.noise
+    if trace is None:
+        return Noise()
     absolute_v = 0.0
     if choice.absolute is not None:
-        absolute_v = in_unit(choice.absolute, unit)
+        absolute_v = in_unit(choice.absolute, campaign.amplitude_unit)
         if absolute_v < 0.0:
             raise BadInput(
                 f"{choice.absolute.where}: found {choice.absolute.value!r}, wanted zero or more"
             )
-        absolute_v *= math.sqrt(2.0) if amplitude.kind == "rms" else 1.0
-    return Noise(
+        absolute_v *= math.sqrt(2.0) if trace.detector.kind == "rms" else 1.0
+    noise = Noise(
         relative=choice.relative,
         absolute_v=absolute_v,
         outliers=choice.outliers,
         threshold=choice.threshold,
     )
+    unknown = [e.label for e in campaign.experiments if not np.all(e.sigmas_v > 0.0)]
+    if noise.outliers == "huber" and unknown and not noise.declared:
+        raise BadInput(
+            f'{campaign.path}: [noise] outliers = "huber" wants the noise of every peak, unknown '
+            f"for '{unknown[0]}'; wanted peak_sigmas, or relative or absolute in [noise]"
+        )
+    return noise
 
 
 def repeat_scatter(

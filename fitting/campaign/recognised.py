@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,63 +45,11 @@ _AMPLITUDE_WORDS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recognised:
-    """A file as it was recognised.
-
-    ``layout`` is its name in a campaign; ``words`` describe it, as "Touchstone, 1 port, S11, 201
-    points, GHz"; ``columns`` have a ``role`` of `ROLES`, empty where they seem to be none, and are
-    ``guessed`` where it comes from the numbers or the unit, and not from a usual name; ``remarks``
-    are sentences about what was guessed, and what else is there.
-    """
-
-    path: Path
-    layout: str
-    words: str
-    columns: tuple[Channel, ...]
-    points: int
-    remarks: tuple[str, ...] = ()
-
-    def role(self, name: str) -> Channel | None:
-        """The column of a role, or None.
-
-        Args:
-            name: one of `ROLES`.
-        """
-        return next((c for c in self.columns if c.role == name), None)
-
-    @property
-    def is_sweep(self) -> bool:
-        """Whether it seems to hold a response over frequency."""
-        observed = any(self.role(name) for name in ("amplitude", "re", "complex"))
-        return self.role("frequency") is not None and observed
-
-    @property
-    def is_complex(self) -> bool:
-        """Whether it seems to hold complex values, or amplitude and phase."""
-        both = self.role("amplitude") is not None and self.role("phase") is not None
-        return self.role("complex") is not None or self.role("re") is not None or both
-
-    @property
-    def without_unit(self) -> tuple[str, ...]:
-        """Roles whose column states no unit: the campaign has to, as "column 1 (Hz)"."""
-        return tuple(c.role for c in self.columns if c.role and c.unit is None)
-
-    @property
-    def selection(self) -> Selection:
-        """Names of the columns as they seem to be, for `read_trace` and `read_complex`."""
-        names = {c.role: c.name for c in self.columns}
-        return Selection(
-            frequency=names.get("frequency", ""),
-            amplitude=names.get("complex") or names.get("amplitude", ""),
-            phase=names.get("phase", ""),
-            x=names.get("re", ""),
-            y=names.get("im", ""),
-        )
-
-
-def recognised(path: Path, selection: Selection | None = None) -> Recognised:
+def recognised(path: Path, selection: Selection | None = None) -> Recording:
     """Look at a file: what wrote it, which columns it has, what they seem to be.
+
+    Its channels have a ``role`` of `ROLES`, empty where they seem to be none, and are ``guessed``
+    where it comes from the numbers or the unit, and not from a usual name.
 
     Args:
         path: of the file.
@@ -123,19 +71,17 @@ def recognised(path: Path, selection: Selection | None = None) -> Recognised:
             roles.parts()
             if "re" not in roles.given.values():
                 roles.sizes()
-    columns = tuple(
+    channels = tuple(
         replace(c, role=roles.given.get(c.name, ""), guessed=c.name in roles.guessed)
         for c in recording.channels
     )
-    axis = next((c for c in columns if c.role in ("frequency", "time")), None)
+    axis = next((c for c in channels if c.role in ("frequency", "time")), None)
     unit = f", {axis.unit}" if axis is not None and axis.unit else ""
-    points = len(recording.places)
-    return Recognised(
-        path=path,
+    return replace(
+        recording,
+        channels=channels,
         layout=layout,
-        words=f"{recording.words}, {how_many(points, 'point')}{unit}",
-        columns=columns,
-        points=points,
+        words=f"{recording.words}, {how_many(len(recording.places), 'point')}{unit}",
         remarks=tuple(roles.remarks),
     )
 

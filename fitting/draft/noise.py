@@ -125,7 +125,7 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
         return None
     table = roles.recording
     frequency = table.find(roles.frequency.name)
-    plain = roles.recognised.layout == PLAIN and table.find(channel.name) is not None
+    plain = roles.recording.layout == PLAIN and table.find(channel.name) is not None
     if not plain or frequency is None or frequency.unit is None:
         return None  # no table of text whose frequencies have a unit in their header
     given = told_density(roles)

@@ -207,9 +207,10 @@ def _joined(
             f"{p.name}, {x}" for p, e in zip(paths, roles, strict=True) for x in e.recording.places
         ),
         words=f"{how_many(len(paths), 'sweep')}, a file for each value of '{name}'",
+        layout=own.layout,
+        remarks=own.remarks,
     )
-    known = replace(roles[0].recognised, path=table, words=recording.words)
-    made: dict[str, Any] = {"recording": recording, "recognised": known, "left_out": (), **joined}
+    made: dict[str, Any] = {"recording": recording, "left_out": (), **joined}
     rows = np.split(np.arange(sum(counts)), np.cumsum(counts)[:-1])
     result = ControlMap(
         path=table, controls=(quantity,), settings=settings[:, None], rows=tuple(rows)

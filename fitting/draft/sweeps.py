@@ -498,7 +498,7 @@ def _sweep(sweep: SweepFile, amplitude: str, *, fitted: bool) -> dict[str, Any]:
     no_part = "peak or rms plays no part here: the scale is fitted"
     made: dict[str, Any] = {
         "file": sweep.path,
-        "layout": sweep.roles.recognised.layout,
+        "layout": sweep.roles.recording.layout,
         **columns_of(sweep.roles),
         "amplitude": noted(amplitude, no_part if fitted else "what the file means: peak or rms"),
         "use": noted("fit", "every point is fitted, too"),
@@ -519,7 +519,7 @@ def _complex(sweep: SweepFile, count: int) -> dict[str, Any]:
     """A complex sweep, one of some."""
     made: dict[str, Any] = {
         "file": sweep.path,
-        "layout": sweep.roles.recognised.layout,
+        "layout": sweep.roles.recording.layout,
         **columns_of(sweep.roles),
     }
     line = sweep.driven_line

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fitting.campaign.instruments import Channel, Recording, read_recording
+from fitting.campaign.instruments import Channel, Recording
 from fitting.campaign.recognised import recognised
 from fitting.lines.decay_record import AMPLITUDES, PHASORS, DecayRecord
 from fitting.measurements.traces.grid import spacing_s
@@ -89,16 +89,15 @@ def decay_roles_of(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
         BadInput: no column of times or values, one that tells no unit, a cell that is no number.
     """
     columns = columns.checked()
-    known = recognised(path, columns.selection)
-    recording = read_recording(path, known.layout, columns.selection)
-    time = column_of(known, recording, columns.time, "time")
+    recording = recognised(path, columns.selection)
+    time = column_of(recording, columns.time, "time")
     if time is None:
         raise BadInput(
             f"{path}: has no column that seems the time; there is: {columns_there(recording)}; "
             "wanted its name by --time"
         )
     time = with_unit(time, columns.unit_time)
-    roles = value_roles_of(known, recording, columns, time)
+    roles = value_roles_of(recording, columns, time)
     complaints = phase_complaints(roles)
     if time.unit is None:
         complaints.append(
@@ -192,7 +191,7 @@ def _tells(channel: Channel) -> bool:
 
 def _others(roles: ValueRoles, time: Channel) -> tuple[Finding, ...]:
     """Columns that may have been meant as well, where nothing tells which one is."""
-    guessed = {c.name for c in roles.recognised.columns if c.guessed}
+    guessed = {c.name for c in roles.recording.channels if c.guessed}
     taken = {c.name for c in (*roles.values, time)}
     if not guessed & taken:
         return ()

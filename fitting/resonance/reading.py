@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import Channel, Recording, Selection, read_recording
+from fitting.campaign.instruments import Channel, Recording, Selection
 from fitting.campaign.instruments.roles import without_zero
-from fitting.campaign.recognised import Recognised, recognised
+from fitting.campaign.recognised import recognised
 from fitting.lines.names import TIME_WAY
 from fitting.resonance.control_map import ControlMap, map_of
 from fitting.resonance.trace import Trace, swapped, trace_of
@@ -108,12 +108,11 @@ class Columns:
 class ValueRoles:
     """The columns of a file's values by what they are; None where there is none.
 
-    ``sizes`` holds amplitudes, or complex values; ``recognised`` what the file was found to be;
+    ``sizes`` holds amplitudes, or complex values; ``recording`` states what the file is;
     ``left_out`` says which of its rows are not here, ``part`` where in it they are, by the keys of
     a campaign.
     """
 
-    recognised: Recognised
     recording: Recording
     sizes: Channel | None = None
     phase: Channel | None = None
@@ -171,7 +170,6 @@ def roles_of(path: Path, columns: Columns) -> Roles:
     if complaints:
         raise BadInput(*complaints)
     return Roles(
-        recognised=found.recognised,
         recording=recording,
         frequency=frequency,
         sizes=found.sizes,
@@ -201,12 +199,11 @@ def units_untold(path: Path, columns: Columns) -> dict[str, str]:
 def _looked_at(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
     """The columns of frequencies and of values, in the units that are told, if any is."""
     columns = columns.checked()
-    known = recognised(path, columns.selection)
-    recording = read_recording(path, known.layout, columns.selection)
-    frequency = column_of(known, recording, columns.frequency, "frequency")
+    recording = recognised(path, columns.selection)
+    frequency = column_of(recording, columns.frequency, "frequency")
     if frequency is None:
         what, way = "has no column that seems the frequency", ""
-        if known.role("time") is not None:
+        if recording.role("time") is not None:
             what = "is a recording over time"
             way = f", or fmu-fit line (ff.ringdown) for a free decay, or {TIME_WAY}"
         there = columns_there(recording)
@@ -215,16 +212,15 @@ def _looked_at(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
         )
     recording, frequency, left_out = without_zero(recording, frequency)
     frequency = with_unit(frequency, columns.unit_frequency)
-    found = value_roles_of(known, recording, columns, frequency)
+    found = value_roles_of(recording, columns, frequency)
     return frequency, replace(found, left_out=left_out)
 
 
-def column_of(known: Recognised, recording: Recording, told: str, *roles: str) -> Channel | None:
+def column_of(recording: Recording, told: str, *roles: str) -> Channel | None:
     """The column that is told, or else the first one that seems to play one of some roles.
 
     Args:
-        known: what the file was found to be.
-        recording: what was read of it.
+        recording: what was read of the file.
         told: name of the column; empty: it is not told.
         roles: which ones.
 
@@ -233,18 +229,14 @@ def column_of(known: Recognised, recording: Recording, told: str, *roles: str) -
     """
     if told:
         return recording.column(told)
-    found = next((f for f in map(known.role, roles) if f is not None), None)
-    return None if found is None else recording.column(found.name)
+    return next((c for c in map(recording.role, roles) if c is not None), None)
 
 
-def value_roles_of(
-    known: Recognised, recording: Recording, columns: Columns, axis: Channel
-) -> ValueRoles:
+def value_roles_of(recording: Recording, columns: Columns, axis: Channel) -> ValueRoles:
     """Which columns of a file are taken for its values, in the units that are told.
 
     Args:
-        known: what the file was found to be.
-        recording: what was read of it.
+        recording: what was read of the file.
         columns: what is told of them.
         axis: the column over which they stand.
 
@@ -253,7 +245,7 @@ def value_roles_of(
     """
 
     def column(told: str, *roles: str) -> Channel | None:
-        return column_of(known, recording, told, *roles)
+        return column_of(recording, told, *roles)
 
     sizes = column(columns.amplitude) if columns.amplitude else None
     phase = real = imaginary = None
@@ -269,7 +261,6 @@ def value_roles_of(
             phase = None if whole is not None else column("", "phase")
     unit = columns.unit_amplitude
     found = ValueRoles(
-        recognised=known,
         recording=recording,
         sizes=_with_unit_or_none(sizes, unit),
         phase=_with_unit_or_none(phase, columns.unit_phase),
@@ -470,7 +461,7 @@ def read_note(roles: ValueRoles, names: Mapping[str, Channel | None]) -> Finding
         Kind.file_read,
         roles.recording.path.name,
         {
-            "format": (roles.recognised.words,),
+            "format": (roles.recording.words,),
             "roles": tuple(known),
             "columns": tuple(channel.name for channel in known.values()),
             "units": tuple(channel.unit or "" for channel in known.values()),
@@ -570,11 +561,11 @@ def _guesses(roles: Roles, columns: Columns) -> list[Finding]:
     """
     told = {columns.frequency, columns.amplitude, columns.phase, columns.real, columns.imaginary}
     taken = {c.name for c in roles.all} - told
-    guessed = {c.name for c in roles.recognised.columns if c.guessed}
+    guessed = {c.name for c in roles.recording.channels if c.guessed}
     if not guessed & taken:
         return []
     silent = tuple(f"column '{c.name}' " for c in roles.recording.channels if c.name not in taken)
-    remarks = [remark for remark in roles.recognised.remarks if not remark.startswith(silent)]
+    remarks = [remark for remark in roles.recording.remarks if not remark.startswith(silent)]
     return [
         note(Kind.file_remark, "", {"text": (f"{remark[0].upper()}{remark[1:]}.",)})
         for remark in remarks

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fitting.campaign.instruments import Selection, read_trace
-from fitting.campaign.recognised import Recognised, recognised
+from fitting.campaign.instruments import Recording, Selection, read_trace
+from fitting.campaign.recognised import recognised
 from fitting.measurements.complex.keys import read_complex
 from fitting.text.errors import BadInput
+from tests.support.recognised import is_complex, is_sweep, seeming_selection, without_unit
 from tests.support.written_resonance import AXIS_HZ, F_HZ, VALUES, WIDTH_HZ, found_line
 
 
@@ -128,7 +129,7 @@ def test_the_resonance_is_found_in_any_spelling(name: str, tmp_path: Path) -> No
     )
 
 
-def seen(path: Path, data: str | bytes) -> Recognised:
+def seen(path: Path, data: str | bytes) -> Recording:
     path.write_bytes(data if isinstance(data, bytes) else data.encode())
     return recognised(path)
 
@@ -136,17 +137,17 @@ def seen(path: Path, data: str | bytes) -> Recognised:
 @pytest.mark.parametrize("name", FILES)
 def test_roles_are_seen_or_guessed(name: str, tmp_path: Path) -> None:
     found = seen(tmp_path / "sweep.txt", FILES[name][0])
-    assert found.is_sweep
-    assert found.is_complex
+    assert is_sweep(found)
+    assert is_complex(found)
     assert found.layout == "csv"
-    assert found.points == AXIS_HZ.size
+    assert len(found.places) == AXIS_HZ.size
     assert f"{AXIS_HZ.size} points" in found.words
     axis = found.role("frequency")
     assert axis is not None
     told = "no names" in name or name == "no units"
     assert (axis.unit is None) == told
     assert axis.guessed == ("no names" in name)
-    assert ("frequency" in found.without_unit) == told
+    assert ("frequency" in without_unit(found)) == told
 
 
 def test_what_is_guessed_is_said(tmp_path: Path) -> None:
@@ -154,7 +155,7 @@ def test_what_is_guessed_is_said(tmp_path: Path) -> None:
     assert "57 points" in found.words
     assert found.remarks[0].startswith("column 'column 1' ")
     assert re.search(r"\bdeg\b", found.remarks[2])
-    assert found.selection.phase == "column 3"
+    assert seeming_selection(found).phase == "column 3"
     unusual = seen(tmp_path / "b.csv", text("drive (kHz),lock-in (mV),arg (deg)", "Mrp"))
     assert [c.role for c in unusual.columns] == ["frequency", "amplitude", "phase"]
     assert all(c.guessed for c in unusual.columns)
@@ -164,7 +165,7 @@ def test_what_is_guessed_is_said(tmp_path: Path) -> None:
 def test_a_recording_over_time_is_said(tmp_path: Path) -> None:
     path = tmp_path / "scope.csv"
     found = seen(path, "time (s),C1 (V)\n0,1\n1e-3,2\n2e-3,1\n")
-    assert not found.is_sweep
+    assert not is_sweep(found)
     assert found.role("time") is not None
     assert len(found.remarks) >= 1
     with pytest.raises(BadInput, match=r"scope\.csv: .*\(column 'time'\)"):

@@ -39,6 +39,7 @@ from fitting.signal.amplitudes import declared_amplitude, to_peak
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record
 from tests.faults.test_readers import complaints
+from tests.support.recognised import is_complex, is_sweep, seeming_selection, without_unit
 from tests.support.written_resonance import AXIS_HZ, F_HZ, VALUES, WIDTH_HZ, found_line
 
 R, DEGREES = np.abs(VALUES), np.rad2deg(np.angle(VALUES))
@@ -349,8 +350,8 @@ def test_what_it_is_is_said(name: str, tmp_path: Path) -> None:
         return
     found = recognised(path)
     assert found.layout == layout
-    assert found.is_sweep
-    assert found.is_complex
+    assert is_sweep(found)
+    assert is_complex(found)
     assert "57 points" in found.words
 
 
@@ -364,7 +365,7 @@ def test_words(tmp_path: Path) -> None:
         write(tmp_path / file)
         assert recognised(tmp_path / file).words == words
     seen = recognised(tmp_path / "a.s2p")
-    assert seen.selection.amplitude == "S21"
+    assert seeming_selection(seen).amplitude == "S21"
     [remark] = seen.remarks
     assert re.findall(r"S\d\d", remark) == ["S21", "S11", "S12", "S22"]
 
@@ -388,7 +389,7 @@ def test_names_of_keysight_and_of_others_are_understood(tmp_path: Path) -> None:
         f"{KEYSIGHT}BEGIN CH1_DATA\nFreq(Hz),S21 Log Mag(dB),S21 Phase(deg)\n{rows}\nEND\n"
     )
     found = recognised(path)
-    assert [(c.unit, c.role) for c in found.columns] == [
+    assert [(c.unit, c.role) for c in found.channels] == [
         ("Hz", "frequency"),
         ("dB", "amplitude"),
         ("deg", "phase"),
@@ -397,13 +398,13 @@ def test_names_of_keysight_and_of_others_are_understood(tmp_path: Path) -> None:
         f'"# Channel 1"\n"# Trace 1"\nFrequency, Formatted Data, Formatted Data\n{rows}\n'
     )
     found = recognised(path)
-    assert [c.name for c in found.columns] == ["Frequency", "Formatted Data", "Formatted Data 2"]
-    assert found.is_sweep
+    assert [c.name for c in found.channels] == ["Frequency", "Formatted Data", "Formatted Data 2"]
+    assert is_sweep(found)
     rows = "\n".join(lines(AXIS_HZ, VALUES.real, VALUES.imag, between=";"))
     path.write_text(f"# Version 1.00\nfreq[Hz];re:Trc1_S11;im:Trc1_S11;\n{rows}\n")
     found = recognised(path)
-    assert [c.role for c in found.columns] == ["frequency", "re", "im"]
-    assert found.without_unit == ("re", "im")
+    assert [c.role for c in found.channels] == ["frequency", "re", "im"]
+    assert without_unit(found) == ("re", "im")
 
 
 def test_a_campaign_tells_block_and_columns(tmp_path: Path) -> None:
@@ -434,7 +435,7 @@ def test_each_block_of_a_fieldfox(tmp_path: Path) -> None:
     told = {1: ("S21", "dB", DB), 2: ("S21", "deg", DEGREES)}
     for trace, (name, unit, values) in told.items():
         found = recognised(path, Selection(trace=trace))
-        assert [(c.name, c.unit) for c in found.columns] == [("Freq", "Hz"), (name, unit)]
+        assert [(c.name, c.unit) for c in found.channels] == [("Freq", "Hz"), (name, unit)]
         read = read_trace(path, None, Selection(trace=trace, amplitude=name))
         np.testing.assert_allclose(read.amplitude, values, rtol=1e-11)
 
@@ -542,7 +543,7 @@ def test_a_recording_over_time_is_no_sweep(name: str, tmp_path: Path) -> None:
     assert layout_of(path) == layout
     found = recognised(path)
     assert found.role("time") is not None
-    assert not found.is_sweep
+    assert not is_sweep(found)
     with pytest.raises(BadInput, match=r"\(column '.*'\)"):
         read_trace(path, None)
 

@@ -17,6 +17,7 @@ from fitting.measurements.complex.keys import read_complex
 from fitting.resonance.reading import Columns, read_trace_of
 from fitting.text.errors import BadInput
 from tests.support.in_process import told
+from tests.support.recognised import without_unit
 
 AnyArray = npt.NDArray[np.floating]
 #: The line of all these files: Hz.
@@ -96,9 +97,9 @@ def test_the_table_below_any_head_is_found(name: str, tmp_path: Path) -> None:
     path = tmp_path / "sweep.csv"
     path.write_text(text + "\n", "utf-8")
     found = recognised(path)
-    assert tuple(column.role for column in found.columns) == tuple(roles)
-    assert found.points == F.size
-    assert not {"frequency", "phase"} & set(found.without_unit)
+    assert tuple(column.role for column in found.channels) == tuple(roles)
+    assert len(found.places) == F.size
+    assert not {"frequency", "phase"} & set(without_unit(found))
     trace = read_trace_of(path, Columns())
     np.testing.assert_allclose(trace.frequency_hz, F, rtol=1e-9)
     seen = Z if np.iscomplexobj(trace.values) else R  # in whichever unit
@@ -110,7 +111,7 @@ def test_lock_in_columns_are_no_impedance(tmp_path: Path) -> None:
     path = tmp_path / "sweep.csv"
     text = "f (Hz),R (V),X (V),Y (V),theta (deg)\n" + rows(F, R, Z.real, Z.imag, DEGREES)
     path.write_text(text, "utf-8")
-    found = {column.name: column.role for column in recognised(path).columns}
+    found = {column.name: column.role for column in recognised(path).channels}
     assert (found["X"], found["Y"], found["R"]) == ("re", "im", "")
 
 

@@ -17,6 +17,7 @@ from fitting.campaign.instruments import Selection, read_recording, read_trace
 from fitting.campaign.recognised import recognised
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from tests.support.recognised import is_complex, is_sweep, seeming_selection
 from tests.support.written_resonance import found_line
 
 DATA = Path(__file__).parents[2] / "data"
@@ -50,7 +51,7 @@ def test_touchstone_as_it_is_read_by_hand(name: str) -> None:
     np.testing.assert_allclose(trace.amplitude * np.exp(1j * trace.phase), values, atol=1e-14)
     found = recognised(path)
     assert found.words.startswith(f"Touchstone, {path.suffix[2]} port")
-    assert found.is_complex
+    assert is_complex(found)
 
 
 def test_there_are_enough_of_them() -> None:
@@ -129,7 +130,7 @@ def test_recordings_of_labview_are_called_so(path: Path) -> None:
 def test_the_cantilever_is_where_its_microscope_says() -> None:
     """The header tells f_res = 30281.5211 Hz and Q = 1161."""
     found = recognised(DATA / "afm_sensor" / "afm_sensor_sweep.dat")
-    trace = read_trace(found.path, None, found.selection)
+    trace = read_trace(found.path, None, seeming_selection(found))
     assert trace.phase is not None
     values = (trace.amplitude * np.exp(-1j * np.radians(trace.phase))).astype(complex)
     f, width = found_line(trace.frequency, values)
@@ -143,7 +144,7 @@ def test_an_oscilloscope_shows_the_frequency_of_its_source(row: int) -> None:
     table = np.loadtxt(DATA / "coupled_rlc" / "c1_response.csv", delimiter=",", skiprows=1)
     path = HERE / f"c1_waveform_{row:02d}.csv"
     found = recognised(path)
-    assert not found.is_sweep
+    assert not is_sweep(found)
     assert found.role("time") is not None
     recording = read_recording(path, None, Selection())
     time_s, source_v = (recording.numbers(c) for c in recording.channels[:2])
@@ -160,7 +161,7 @@ def test_an_oscilloscope_shows_the_frequency_of_its_source(row: int) -> None:
 def test_the_response_of_two_circuits_is_recognised() -> None:
     """Of two columns of amplitudes the one that responds is taken, not the source's."""
     found = recognised(DATA / "coupled_rlc" / "c1_response.csv")
-    assert found.selection.amplitude == "amplitude over C1"
-    trace = read_trace(found.path, None, found.selection)
+    assert seeming_selection(found).amplitude == "amplitude over C1"
+    trace = read_trace(found.path, None, seeming_selection(found))
     peak_hz = trace.frequency[np.argmax(trace.amplitude)]
     assert peak_hz == pytest.approx(503.29, rel=0.15)  # 1/(2π√(LC)) of 1 H and 0.1 µF

@@ -66,8 +66,10 @@ class Channel:
 class Recording:
     """Columns of one file, all of one length.
 
-    ``places`` states for every point where it is in the file; ``words`` state what the file is;
-    ``notes`` hold header entries worth repeating; ``headed`` whether the file names its columns.
+    ``places`` states for every point where it is in the file; ``words`` state what the file is, as
+    "Touchstone, 1 port, S11"; ``notes`` hold header entries worth repeating; ``headed`` whether the
+    file names its columns. Where its columns were recognised, ``layout`` is its name in a campaign
+    and ``remarks`` are sentences about what was guessed, and what else is there.
     """
 
     path: Path
@@ -76,6 +78,16 @@ class Recording:
     words: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
     headed: bool = True
+    layout: str = ""
+    remarks: tuple[str, ...] = ()
+
+    def role(self, name: str) -> Channel | None:
+        """The column that was recognised as something, or None.
+
+        Args:
+            name: as "frequency".
+        """
+        return next((c for c in self.channels if c.role == name), None)
 
     def find(self, name: str) -> Channel | None:
         """The column of that name, capitals apart, or None; a unit in brackets states its unit.
