@@ -29,7 +29,7 @@ from fitting.extension.records import PLAIN
 from fitting.lines.noise_model import COUPLED, TOGETHER
 from fitting.lines.noise_spectrum import NoiseFit, noise_lines
 from fitting.lines.second import TwoLines
-from fitting.resonance.noise_reading import BY_NAME, BY_UNIT, told_density
+from fitting.resonance.noise_reading import BY_NAME, BY_UNIT, stated_density
 from fitting.resonance.reading import Roles
 from fitting.text.arrays import FloatArray
 from fitting.text.units import same_kind
@@ -128,16 +128,16 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
     plain = roles.recording.layout == PLAIN and table.find(channel.name) is not None
     if not plain or frequency is None or frequency.unit is None:
         return None  # no table of text whose frequencies have a unit in their header
-    given = told_density(roles)
+    given = stated_density(roles)
     if given is not None:
-        return _look(given.density, frequency_hz, given.by, given.holds)
+        return _look(given, frequency_hz)
     numbers = roles.recording.numbers(channel)
     if np.any(numbers < 0.0) and not (channel.unit or "").startswith("dB"):
         return None
     return _by_scatter(numbers, channel.unit, frequency_hz)
 
 
-def _look(density: Density, frequency_hz: FloatArray, by: str, holds: str) -> NoiseLook | None:
+def _look(density: Density, frequency_hz: FloatArray) -> NoiseLook | None:
     result = density.numbers
     if not np.all(np.isfinite(result)) or np.any(result <= 0.0):
         return None
@@ -145,12 +145,14 @@ def _look(density: Density, frequency_hz: FloatArray, by: str, holds: str) -> No
         lines = noise_lines(frequency_hz, result)
     except ValueError:  # of a line that is not resolved nothing can be drafted
         lines = None
-    return NoiseLook(lines=lines, by=by, holds=holds, is_root=density.is_root)
+    return NoiseLook(lines=lines, by=density.by, holds=density.holds, is_root=density.is_root)
 
 
 def _by_scatter(numbers: FloatArray, unit: str | None, f: FloatArray) -> NoiseLook | None:
     """The same without unit or name: the closer of density and root."""
-    looks = {way: _look(relative_density(numbers, unit, way), f, "", way) for way in HOLDS}
+    looks = {
+        way: _look(replace(relative_density(numbers, unit, way), holds=way), f) for way in HOLDS
+    }
     # of a density that is read as a root the squares scatter twice as much
     left = {
         way: look.residual / (2.0 if way == ROOT else 1.0)

@@ -32,7 +32,7 @@ from fitting.resonance.file_control import (
     differing_quantity,
     settings_of_name,
 )
-from fitting.resonance.noise_reading import told_density
+from fitting.resonance.noise_reading import stated_density
 from fitting.resonance.reading import Columns, Roles, hertz_in, map_in, roles_of
 from fitting.text.csv_cells import csv_text
 from fitting.text.errors import BadInput, gathered, shown
@@ -96,7 +96,7 @@ def series_of(
         return None  # tables of experiments, recordings: their readers complain
     phased = any(each.is_complex for each in roles)
     if requested is None and (
-        any(told_density(each) is not None or map_in(each) is not None for each in roles)
+        any(stated_density(each) is not None or map_in(each) is not None for each in roles)
         or (phased and (joint or len(paths) < LEAST))
     ):
         return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from fitting.campaign.instruments.roles import (
@@ -27,19 +27,7 @@ NAMES = {
 BY_UNIT, BY_NAME = "unit", "name"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ToldDensity:
-    """A density that a file tells, ``by`` its unit or its name.
-
-    ``holds`` is what its column holds where the file's own unit does not tell it, else empty.
-    """
-
-    density: Density
-    by: str
-    holds: str
-
-
-def told_density(roles: Roles) -> ToldDensity | None:
+def stated_density(roles: Roles) -> Density | None:
     """The density in a file's column of sizes; None where neither unit nor name says it is one.
 
     Args:
@@ -53,13 +41,13 @@ def told_density(roles: Roles) -> ToldDensity | None:
     named = next((way for way, words in NAMES.items() if words.search(name)), "")
     known = density_of(numbers, channel.unit) if channel.unit else None
     if known is not None:
-        told = column.unit != channel.unit  # by whoever reads it, and the file does not
-        holds = "" if not told else ROOT if known.is_root else DENSITY
-        return ToldDensity(density=known, by=BY_UNIT, holds=holds)
+        # stated by whoever reads it, and not by the file
+        holds = ROOT if known.is_root else DENSITY
+        holds = "" if column.unit == channel.unit else holds
+        return replace(known, by=BY_UNIT, holds=holds)
     if not named:
         return None
-    density = relative_density(numbers, channel.unit, named)
-    return ToldDensity(density=density, by=BY_NAME, holds=named)
+    return replace(relative_density(numbers, channel.unit, named), by=BY_NAME, holds=named)
 
 
 def is_noise_spectrum(path: Path, columns: Columns) -> bool:
@@ -71,7 +59,7 @@ def is_noise_spectrum(path: Path, columns: Columns) -> bool:
     """
     try:
         roles = roles_of(path, columns)
-        return told_density(roles) is not None and map_in(roles) is None
+        return stated_density(roles) is not None and map_in(roles) is None
     except BadInput:
         return False  # its reader complains
 
@@ -87,13 +75,12 @@ def read_noise_of(path: Path, columns: Columns) -> NoiseRecord:
         BadInput: a file that is not read, one that is no noise spectrum, a density not above zero.
     """
     roles = roles_of(path, columns)
-    told = told_density(roles)
-    if told is None:
+    density = stated_density(roles)
+    if density is None:
         raise BadInput(
             f"{path}: neither unit nor name shows that it is a noise spectrum; wanted its unit, as "
             '--unit-amplitude "V**2/Hz"'
         )
-    density = told.density
     unit = "1" if density.is_relative else density.unit
     made = noise_record_of(hertz_in(roles), density.numbers, unit, str(path))
     what = "root of the density" if density.is_root else "density"

@@ -258,12 +258,18 @@ LEVEL = re.compile(r"dB\w*\s*/\s*.*Hz.*")
 
 @dataclass(frozen=True, eq=False)
 class Density:
-    """A power spectral density (n,) in `unit` squared per Hz, or relative; made of its root."""
+    """A power spectral density (n,) in `unit` squared per Hz, or relative; made of its root.
+
+    ``by`` is what of a file states that it is one, its unit or its name; ``holds`` is what the
+    column holds where the file's own unit does not state it, else empty.
+    """
 
     numbers: FloatArray
     unit: str
     is_relative: bool = False
     is_root: bool = False
+    by: str = ""
+    holds: str = ""
 
 
 def density_of(numbers: FloatArray, unit: str) -> Density | None:
