@@ -1,14 +1,15 @@
-"""Laboratory data: campaign file, drive series, spectra, sweeps -> checked records.
+"""Campaign file, drive series, spectra, sweeps -> checked records in the names and units of an FMU.
 
 file.py          every key of campaign.toml, as written        WrittenSweep, ...
-instruments/     a file per layout of instruments' files       RawTrace
+instruments/     the layouts of instruments' files             Recording
+recognised.py    what a file of an instrument seems to hold
 measured.py      what was measured, of files or of arrays      Experiment, SweepData, ...
 data.py          campaign.toml and its data files, read        Campaign
-setup.py         how a series drives the FMU                   Drive, Setup
-bound.py         the campaign in the FMU's names and units     BoundCampaign
+arrays.py        the same of a program's arrays                Parameter, Tones, Sweep
+bound.py         the campaign in the FMU's names and units     Drive, Setup, BoundCampaign
 binding.py       how it comes there from what was read
-drift.py, noise.py, parameters.py, joint.py                    parts of the bound campaign
-binder.py, conflicts.py, assumptions.py                        steps of the binding
+binder.py        the FMU's variables, contradictions, laws, assumptions
+drift.py, noise.py, parameters.py, laws.py, joint.py           parts of the bound campaign
 kind.py          what a further kind of measurement adds to all of these
 """
 
@@ -35,38 +36,13 @@ if TYPE_CHECKING:
 
 #: The module of each name: loaded when it is used, as most of what reads instruments needs none.
 HOMES = {
-    "BoundCampaign": "fitting.campaign.bound",
-    "Campaign": "fitting.campaign.data",
-    "ContinuationSettings": "fitting.campaign.file",
-    "Drift": "fitting.campaign.bound",
-    "Drive": "fitting.campaign.bound",
-    "Experiment": "fitting.campaign.measured",
-    "Phases": "fitting.campaign.measured",
-    "Setup": "fitting.campaign.bound",
-    "Spectrum": "fitting.campaign.measured",
-    "SweepData": "fitting.campaign.measured",
+    **dict.fromkeys(("BoundCampaign", "Drift", "Drive", "Setup"), "fitting.campaign.bound"),
+    **dict.fromkeys(("Campaign", "read_campaign"), "fitting.campaign.data"),
+    **dict.fromkeys(("ContinuationSettings", "WrittenFmu"), "fitting.campaign.file"),
+    **dict.fromkeys(("Experiment", "Phases", "Spectrum", "SweepData"), "fitting.campaign.measured"),
     "VariableLike": "fitting.fmu.variables",
-    "WrittenFmu": "fitting.campaign.file",
     "bind": "fitting.campaign.binding",
-    "read_campaign": "fitting.campaign.data",
 }
-
-__all__ = [
-    "BoundCampaign",
-    "Campaign",
-    "ContinuationSettings",
-    "Drift",
-    "Drive",
-    "Experiment",
-    "Phases",
-    "Setup",
-    "Spectrum",
-    "SweepData",
-    "VariableLike",
-    "WrittenFmu",
-    "bind",
-    "read_campaign",
-]
 
 
 def __getattr__(name: str) -> object:

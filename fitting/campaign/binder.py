@@ -1,4 +1,9 @@
-"""The FMU's variables as a campaign meets them: there, of the right kind, numbers in their unit."""
+"""The FMU's variables next to a campaign: of the right kind, numbers in their unit; contradictions.
+
+A bound campaign must not contradict itself: settings of variables, tones, laws, and `[[assumptions]]`,
+what it fixes although it might be otherwise (`fitting.inference.checks.assumptions` computes what a
+fit would give then).
+"""
 
 from __future__ import annotations
 

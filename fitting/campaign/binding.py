@@ -170,8 +170,9 @@ def completed(
             parameters.append(p)
             continue
         for label in labels:
-            own = {"name": f"{p.name}[{label}]", "variable": p.name, "experiment": label}
-            parameters.append(replace(p, scope=SCOPES[0], **own))
+            name = f"{p.name}[{label}]"
+            own = replace(p, scope=SCOPES[0], name=name, variable=p.name, experiment=label)
+            parameters.append(own)
     parameters += bound.drift.parameters
     sweep = bound.sweep
     if sweep is not None and sweep.scale == "free":

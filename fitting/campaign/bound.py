@@ -1,4 +1,4 @@
-"""A campaign in the names and units of one FMU: its drift, its assumptions, and all of it."""
+"""A campaign in the names and units of one FMU: how it is driven, its drift, and all of it."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, Complaints, gathered
 from fitting.text.finding import Kind, note
 from fitting.text.units import convert, same_kind
-from fitting.text.written import Written, difference_in, in_unit
+from fitting.text.written import Written, in_unit, sigma_in
 
 #: An offset may leave the stated value by this many standard deviations of its prior.
 REACH = 6.0
@@ -198,15 +198,8 @@ def _prior(campaign: Campaign, binder: Binder, group: tuple[str, ...], suffix: s
         )
     unit, written = units.pop(), campaign.file.drift.prior
     assert written is not None  # noqa: S101 - the file's own check asked for it
-    sigma = _above_zero(written, None if unit == "1" else unit)
+    sigma = sigma_in(written, None if unit == "1" else unit)
     return Prior(variables=group, unit=unit, sigma=sigma, suffix=suffix)
-
-
-def _above_zero(written: Written, unit: str | None) -> float:
-    sigma = difference_in(written, unit)
-    if not sigma > 0.0:
-        raise BadInput(f"{written.where}: found {written.value!r}, wanted more than zero")
-    return sigma
 
 
 def _corrections(
@@ -269,7 +262,7 @@ def bind_sigmas(written: Mapping[str, Written], binder: Binder) -> dict[str, flo
         BadInput: no such Real variable that can be set, another unit, a number not above zero.
     """
     values = gathered(
-        partial(lambda n, w: _above_zero(w, _settable(binder, n, w).unit), name, each)
+        partial(lambda n, w: sigma_in(w, _settable(binder, n, w).unit), name, each)
         for name, each in written.items()
     )
     return dict(zip(written, values, strict=True))

@@ -464,11 +464,6 @@ class WrittenNoise(Keys):
     threshold: Positive = 4.0
     """Peaks whose studentised residual exceeds it are named in a warning."""
 
-    @property
-    def is_stated(self) -> bool:
-        """Whether it states how large the noise is, or what is done with outliers."""
-        return bool(self.relative or self.absolute is not None or self.outliers != OUTLIERS[0])
-
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenAssumption(Keys):
@@ -721,7 +716,8 @@ class WrittenCampaign(CampaignHead):
             raise Refused(
                 'nothing to fit: wanted a table [experiments], or a [sweep] with use = "fit"'
             )
-        settles = experiments is not None or self.sweep is not None or self._settles
+        settles = experiments is not None or self.sweep is not None
+        settles |= any(not t.TRANSIENT for tables in self.further.values() for t in tables)
         if settles and self.drive is None:
             raise Refused("key 'drive' is missing")
         if (
@@ -737,7 +733,9 @@ class WrittenCampaign(CampaignHead):
             )
         if self.drift.ends and experiments is None:
             raise Refused("drifts over experiments, but there are none", "drift")
-        if experiments is None and self.sweep is None and self.noise.is_stated:
+        noise = self.noise
+        stated = noise.relative or noise.absolute is not None or noise.outliers != OUTLIERS[0]
+        if experiments is None and self.sweep is None and stated:
             raise Refused(
                 "is of the amplitudes of [experiments] and [sweep], and there is neither; wanted "
                 "'sigma' in the tables of further measurements, 'averages' of a noise spectrum",
@@ -766,11 +764,6 @@ class WrittenCampaign(CampaignHead):
         return self.drive
 
     @property
-    def _settles(self) -> bool:
-        """Whether a table of a further kind wants the FMU to have settled."""
-        return any(not table.TRANSIENT for tables in self.further.values() for table in tables)
-
-    @property
     def further(self) -> Mapping[str, tuple[MeasurementTable, ...]]:
         """Tables of further kinds of measurements, by their names."""
         result: dict[str, tuple[MeasurementTable, ...]] = {}
@@ -797,7 +790,14 @@ def campaign_with(kinds: tuple[type[MeasurementTable], ...]) -> type[WrittenCamp
     names = [*WrittenCampaign.__dataclass_fields__, *(kind.TABLE for kind in kinds)]
     if len(set(names)) < len(names):
         raise ValueError(f"tables {', '.join(names)}: one of them twice")
-    own = [_field_of(kind) for kind in kinds]
+    own: list[tuple[str, Any, Any]] = []
+    for kind in kinds:
+        if kind.REPEATED:
+            words = f"one [[{kind.TABLE}]] table or more"
+            tables = Annotated[tuple[kind, ...], listed(words)]  # type: ignore[valid-type]
+            own.append((kind.TABLE, tables, field(default=())))
+        else:
+            own.append((kind.TABLE, kind | None, field(default=None)))
 
     def reduce(campaign: WrittenCampaign) -> tuple[Any, ...]:
         """For a pickle, in which no class can be that has no name in a module."""
@@ -819,14 +819,6 @@ def _unpickled(
     made = object.__new__(campaign_with(kinds))
     made.__dict__.update(fields)
     return made
-
-
-def _field_of(kind: type[MeasurementTable]) -> tuple[str, Any, Any]:
-    """Name, type and default of a kind's table in the record of a campaign file."""
-    if not kind.REPEATED:
-        return kind.TABLE, kind | None, field(default=None)
-    tables = Annotated[tuple[kind, ...], listed(f"one [[{kind.TABLE}]] table or more")]  # type: ignore[valid-type]
-    return kind.TABLE, tables, field(default=())
 
 
 def read_campaign_file(path: Path, kinds: Sequence[type[MeasurementTable]] = ()) -> WrittenCampaign:

@@ -1,4 +1,4 @@
-"""Several campaigns of one sample: parameters shared by name, the rest each its own."""
+"""Several campaigns of one sample: parameters shared by name, the rest its own; no data twice."""
 
 from __future__ import annotations
 

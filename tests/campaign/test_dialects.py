@@ -157,8 +157,8 @@ def test_what_is_guessed_is_said(tmp_path: Path) -> None:
     assert re.search(r"\bdeg\b", found.remarks[2])
     assert seeming_selection(found).phase == "column 3"
     unusual = seen(tmp_path / "b.csv", text("drive (kHz),lock-in (mV),arg (deg)", "Mrp"))
-    assert [c.role for c in unusual.columns] == ["frequency", "amplitude", "phase"]
-    assert all(c.guessed for c in unusual.columns)
+    assert [c.role for c in unusual.channels] == ["frequency", "amplitude", "phase"]
+    assert all(c.guessed for c in unusual.channels)
     assert unusual.words.endswith("row 1, 57 points, kHz")
 
 

@@ -1,7 +1,8 @@
 """Formats that libraries read: HDF5, MATLAB, TDMS, Touchstone, Universal Files.
 
-A library is imported within its reader, under `understood`: without it the error states which extra
-of this package brings it.
+Files of named arrays (HDF5, MATLAB, TDMS) may hold several sweeps: `recording_of` takes the columns
+that belong to one frequency axis. A library is imported within its reader, under `understood`:
+without it the error states which extra of this package brings it.
 """
 
 from __future__ import annotations
@@ -37,322 +38,6 @@ from fitting.text.loose_tables import suffixed_unit
 from fitting.text.notation import how_many
 from fitting.text.tables import named_column, read_text
 from fitting.text.units import same_kind
-
-
-@contextmanager
-def understood(path: Path, kind: str, extra: str = "") -> Iterator[None]:
-    """Within, a library is imported and reads a file: whatever it raises is an error of the file.
-
-    Libraries have no errors of their own for files that are broken; what comes out is whatever the
-    first wrong byte leads to. Their warnings are about the format, not about the data.
-
-    Args:
-        path: of the file.
-        kind: that it should be, as "a Touchstone file".
-        extra: of this package that brings the library; empty: it is always there.
-
-    Raises:
-        BadInput: names the file, and the extra that is missing or what the library reports.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    except BadInput:
-        raise
-    except Exception as error:
-        if extra and isinstance(error, ImportError):
-            raise BadInput(
-                f"{path}: is {kind}; to read it: pip install 'fmu-fit[{extra}]' ({error})"
-            ) from error
-        words = " ".join(str(error).split())[:200]
-        name = type(error).__name__
-        raise BadInput(
-            f"{path}: cannot be read as {kind}: {name}{': ' if words else ''}{words}"
-        ) from error
-
-
-HDF5 = "an HDF5 file"
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-#: Where the signature may stand: other programs put a text before it.
-_OFFSETS = (0, 512, 1024, 2048)
-_UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
-
-
-def _read_hdf5(path: Path, selection: Selection) -> Recording:
-    """Datasets of one length; units of their attribute ``unit`` or ``units``, or in their names."""
-    result: list[NamedArray] = []
-    with understood(path, HDF5, "hdf5"):
-        import h5py
-
-        def visit(name: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufcV" and item.size:
-                result.extend(columns_of(name, item[()], _unit_of_dataset(item)))
-
-        with h5py.File(path, "r") as file:
-            file.visititems(visit)
-    is_matlab = read_head(path, 10).startswith(b"MATLAB")
-    return recording_of(path, result, "MATLAB 7.3" if is_matlab else "HDF5", selection)
-
-
-def _unit_of_dataset(item: Any) -> str | None:
-    for name in _UNIT_NAMES:
-        value = item.attrs.get(name)
-        if isinstance(value, np.ndarray) and value.size == 1:
-            value = value.item()
-        if isinstance(value, bytes):
-            value = value.decode("utf-8", "replace")
-        if isinstance(value, str) and value.strip():
-            return value.strip()
-    return None
-
-
-def _of_hdf5(head: Head) -> bool:
-    return any(head.data[at : at + len(SIGNATURE)] == SIGNATURE for at in _OFFSETS)
-
-
-MATLAB = "a MATLAB file"
-LONGEST_NAME = 64
-#: Names in a file of trajectories, and what it is, in words.
-TRAJECTORIES = {"Aclass", "name", "description", "dataInfo", "data_1", "data_2"}
-RESULTS = "results of a simulation, as Dymola and OpenModelica write them"
-_IN_BRACKETS = re.compile(r"\[(?P<unit>[^\[\]|#:]+)[^\[\]]*\]\s*$")
-#: Version 4 tells order of bytes, precision and type of matrix by a number of four digits.
-MOST_TYPE = 4100
-
-
-def _read_matlab(path: Path, selection: Selection) -> Recording:
-    """Vectors and narrow matrices of one length; fields of structures as "structure/field"."""
-    with understood(path, MATLAB):
-        from scipy.io import loadmat
-
-        values = loadmat(path, simplify_cells=True)
-        if set(values) >= TRAJECTORIES:
-            return _trajectories(path, loadmat(path, chars_as_strings=False))
-        arrays = [column for name, a in flattened(values) for column in columns_of(name, a)]
-    return recording_of(path, arrays, "MATLAB", selection)
-
-
-def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
-    """Results of a simulation as Dymola, OpenModelica and OMSimulator write them.
-
-    ``dataInfo`` has for every name the table, 1 or 2, and with its sign the row that holds it;
-    the first table has two times for what is constant. Units stand in the descriptions, as "[m/s]".
-    """
-    rotated = "".join(values["Aclass"][-1]).strip().lower() == "bintrans"
-
-    def rows(key: str) -> np.ndarray:
-        """A matrix with a row for each variable."""
-        table = np.atleast_2d(np.asarray(values[key], dtype=float))
-        return table if rotated else table.T
-
-    def texts(key: str) -> list[str]:
-        letters = np.atleast_2d(values[key])
-        return ["".join(row).strip("\0 ") for row in (letters.T if rotated else letters)]
-
-    def unit_in(words: str) -> str | None:
-        match = _IN_BRACKETS.search(words)
-        unit = match["unit"] if match is not None else None
-        return unit if unit is not None and same_kind(unit, unit) else None
-
-    tables = {k: rows(f"data_{k}") for k in (1, 2)}
-    info, names, about = rows("dataInfo").T.astype(int), texts("name"), texts("description")
-    times = tables[2][0]
-    channels = [channel_of(names[0], unit_in(about[0]) or "s", times)]
-    for name, words, (table, row, *_) in list(zip(names, about, info, strict=False))[1:]:
-        column = np.sign(row) * tables[int(table) or 2][abs(row) - 1]
-        kept = column if column.size == times.size else np.full(times.size, column[0])
-        channels.append(channel_of(name, unit_in(words), kept))
-    places = numbered_points(times.size)
-    return Recording(path=path, channels=tuple(channels), places=places, words=RESULTS)
-
-
-def _of_matlab(head: Head) -> bool:
-    if head.data.startswith(b"MATLAB 5.0"):
-        return True
-    if len(head.data) < 20 or head.path.suffix.lower() != ".mat":
-        return False
-    # version 4 has no signature: the first five numbers must be those of a matrix
-    for order in "<>":
-        kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head.data[:20])
-        sizes = rows >= 0 and columns >= 0 and 0 < length < LONGEST_NAME
-        if kind % 10 in (0, 1) and 0 <= kind < MOST_TYPE and imaginary in (0, 1) and sizes:
-            return True
-    return False
-
-
-TDMS = "a TDMS file"
-
-
-def _read_tdms(path: Path, selection: Selection) -> Recording:
-    """Channels of one length; a waveform brings its own axis, over time or over frequency."""
-    result: list[NamedArray] = []
-    with understood(path, TDMS, "tdms"):
-        from nptdms import TdmsFile
-
-        for group in TdmsFile.read(path).groups():
-            axes: list[NamedArray] = []
-            for channel in group.channels():
-                about, count = channel.properties, len(channel)
-                unit = about.get("unit_string") or about.get("NI_UnitDescription")
-                name = f"{group.name}/{channel.name.replace('/', ' per ')}"
-                result += columns_of(name, np.asarray(channel[:]), str(unit or "").strip() or None)
-                step = about.get("wf_increment")
-                if step and count and not axes:  # the axis of a group's waveforms
-                    start = float(about.get("wf_start_offset", 0.0))
-                    axis = start + float(step) * np.arange(float(count))
-                    over = about.get("wf_xunit_string") or about.get("wf_xunit") or "s"
-                    over = str(over).strip()
-                    kind = "Frequency" if over == "Hz" else "Time"
-                    axes = [NamedArray(f"{group.name}/{kind}", axis, over)]
-            result += axes
-    return recording_of(path, result, "TDMS", selection)
-
-
-def _of_tdms(head: Head) -> bool:
-    return head.data.startswith(b"TDSm")
-
-
-TOUCHSTONE = "a Touchstone file"
-_OPTIONS = re.compile(r"#(\s+([kmg]?hz|[syzgh]|ma|db|ri|r|[\d.e+-]+))+\s*(!.*)?", re.IGNORECASE)
-#: Ports by the numbers in a row of frequency and values, where the file's name does not tell.
-_PORTS = {3: 1, 9: 2}
-MOST_PORTS = 9
-
-
-def _read_touchstone(path: Path, _: Selection) -> Recording:
-    """Touchstone 1.1 and 2.0: S parameters as complex columns "S11", "S21", ... over Hz."""
-    with understood(path, TOUCHSTONE, "touchstone"):
-        from skrf.io.touchstone import Touchstone
-
-        text = read_text(path)
-        file = io.StringIO(text)
-        file.name = _touchstone_name(path, text)
-        network = Touchstone(file)
-        f, s = np.asarray(network.f, dtype=float), np.asarray(network.s, dtype=complex)
-    if network.parameter != "s":
-        kind = str(network.parameter).upper()
-        raise BadInput(f"{path}: is {TOUCHSTONE} of {kind} parameters; wanted S parameters")
-    if s.shape[1] > MOST_PORTS:
-        raise BadInput(
-            f"{path}: is {TOUCHSTONE} of {s.shape[1]} ports; wanted at most {MOST_PORTS}"
-        )
-    pairs = [(i, j) for j in range(s.shape[2]) for i in range(s.shape[1])]
-    names = [f"S{i + 1}{j + 1}" for i, j in pairs]
-    ports = how_many(s.shape[1], "port")
-    return Recording(
-        path=path,
-        channels=(
-            channel_of("Frequency", "Hz", f),
-            *(channel_of(n, "1", s[:, i, j]) for n, (i, j) in zip(names, pairs, strict=True)),
-        ),
-        places=numbered_points(f.size),
-        words=f"Touchstone, {ports}, {', '.join(names[:4])}{', ...' if len(names) > 4 else ''}",
-    )
-
-
-def _touchstone_name(path: Path, text: str) -> str:
-    """A file name whose ending states the ports, as the library wants it."""
-    lines = [line.partition("!")[0].split() for line in text.splitlines()]
-    if "[version]" in {line[0].lower() for line in lines if line}:
-        return "network.ts"
-    if re.fullmatch(r"\.s\d+p", path.suffix.lower()):
-        return f"network{path.suffix.lower()}"
-    first = next((line for line in lines if line and line[0][0] not in "#["), [])
-    return f"network.s{_PORTS.get(len(first), 1)}p"
-
-
-def _of_touchstone(head: Head) -> bool:
-    kept = (line.strip() for line in head.lines if line.strip() and line.strip()[0] != "!")
-    first = next(kept, "")
-    return first.lower().startswith("[version]") or (
-        len(first.split()) > 2 and bool(_OPTIONS.fullmatch(first))
-    )
-
-
-UFF = "a Universal File (UFF)"
-#: Quantities of the abscissa, "specific data type": time and frequency.
-_TIME, _FREQUENCY = 17, 18
-#: Directions of a degree of freedom.
-_DIRECTIONS = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
-_FUNCTIONS = {
-    1: "time response",
-    2: "auto spectrum",
-    3: "cross spectrum",
-    4: "frequency response function",
-    5: "transmissibility",
-    6: "coherence",
-    9: "power spectral density",
-    12: "spectrum",
-}
-_UNTOLD = ("", "NONE", "NULL", "?")
-
-
-def _read_uff(path: Path, _: Selection) -> Recording:
-    """Functions over one axis, a column each, named by their degrees of freedom, as "2z/1z"."""
-    with understood(path, UFF, "uff"):
-        import pyuff
-
-        file = pyuff.UFF(str(path))
-        types = [int(kind) for kind in file.get_set_types()]
-        result = [file.read_sets(k) for k, kind in enumerate(types) if kind == 58]
-    if not result:
-        there = ", ".join(map(str, sorted(set(types)))) or "none"
-        raise BadInput(f"{path}: is {UFF} with datasets {there}; wanted one of type 58, functions")
-    first, others = result[0], len(result) - 1
-    axis = np.asarray(first["x"], dtype=float)
-    # what the functions go over: by the file, else time responses over time
-    number, over = int(first.get("func_type") or 0), int(first.get("abscissa_spec_data_type") or 0)
-    is_time = over == _TIME or (over != _FREQUENCY and number == 1)
-    channels = [
-        channel_of(
-            "Time" if is_time else "Frequency",
-            _unit_of_axis(first, "abscissa") or ("s" if is_time else "Hz"),
-            axis,
-        )
-    ]
-    names: list[str] = []
-    for function in (s for s in result if np.array_equal(np.asarray(s["x"]), axis)):
-        name = f"{_freedom(function, 'rsp')}/{_freedom(function, 'ref')}"
-        names.append(name if name not in names else f"{name} {len(names) + 1}")
-        unit, under = (_unit_of_axis(function, each) for each in ("ordinate", "orddenom"))
-        if unit is not None and under is not None and "/" not in unit:
-            unit = f"{unit}/{under}"
-        channels.append(channel_of(names[-1], unit, np.asarray(function["data"])))
-    kind = _FUNCTIONS.get(number, f"function of type {number}")
-    return Recording(
-        path=path,
-        channels=tuple(channels),
-        places=numbered_points(axis.size),
-        words=f"UFF dataset 58, {kind}{f' and {others} more' if others else ''}",
-        notes={"id1": str(first.get("id1", "")).strip()},
-    )
-
-
-def _freedom(function: dict[str, Any], side: str) -> str:
-    node, direction = (int(function.get(f"{side}_{key}") or 0) for key in ("node", "dir"))
-    sign = "-" if direction < 0 else ""
-    return f"{node}{sign}{_DIRECTIONS.get(abs(direction), '')}"
-
-
-def _unit_of_axis(function: dict[str, Any], axis: str) -> str | None:
-    text = str(function.get(f"{axis}_axis_units_lab") or "").strip()
-    return None if text.upper() in _UNTOLD else text
-
-
-def _of_uff(head: Head) -> bool:
-    lines = [line.strip() for line in head.data[:4096].splitlines() if line.strip()][:2]
-    return len(lines) == 2 and lines[0] == b"-1" and lines[1][:3].rstrip(b"b ").isdigit()
-
-
-LAYOUTS = (
-    Layout("hdf5", _read_hdf5, _of_hdf5),
-    Layout("matlab", _read_matlab, _of_matlab),
-    Layout("tdms", _read_tdms, _of_tdms),
-    Layout("touchstone", _read_touchstone, _of_touchstone),
-    Layout("uff", _read_uff, _of_uff),
-)
-
 
 #: Columns of a matrix that are taken for columns of a table; more are a map or a picture.
 MOST_COLUMNS = 16
@@ -571,3 +256,314 @@ def flattened(values: Mapping[str, object], prefix: str = "") -> list[tuple[str,
         elif isinstance(value, np.ndarray):
             result.append((f"{prefix}{name}", value))
     return result
+
+
+@contextmanager
+def understood(path: Path, kind: str, extra: str = "") -> Iterator[None]:
+    """Within, a library is imported and reads a file: whatever it raises is an error of the file.
+
+    Libraries have no errors of their own for files that are broken; what comes out is whatever the
+    first wrong byte leads to. Their warnings are about the format, not about the data.
+
+    Args:
+        path: of the file.
+        kind: that it should be, as "a Touchstone file".
+        extra: of this package that brings the library; empty: it is always there.
+
+    Raises:
+        BadInput: names the file, and the extra that is missing or what the library reports.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except BadInput:
+        raise
+    except Exception as error:
+        if extra and isinstance(error, ImportError):
+            raise BadInput(
+                f"{path}: is {kind}; to read it: pip install 'fmu-fit[{extra}]' ({error})"
+            ) from error
+        words = " ".join(str(error).split())[:200]
+        name = type(error).__name__
+        raise BadInput(
+            f"{path}: cannot be read as {kind}: {name}{': ' if words else ''}{words}"
+        ) from error
+
+
+HDF5 = "an HDF5 file"
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+#: Where the signature may stand: other programs put a text before it.
+OFFSETS = (0, 512, 1024, 2048)
+_UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
+
+
+def _read_hdf5(path: Path, selection: Selection) -> Recording:
+    """Datasets of one length; units of their attribute ``unit`` or ``units``, or in their names."""
+    result: list[NamedArray] = []
+    with understood(path, HDF5, "hdf5"):
+        import h5py
+
+        def visit(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and item.dtype.kind in "iufcV" and item.size:
+                result.extend(columns_of(name, item[()], _unit_of_dataset(item)))
+
+        with h5py.File(path, "r") as file:
+            file.visititems(visit)
+    is_matlab = read_head(path, 10).startswith(b"MATLAB")
+    return recording_of(path, result, "MATLAB 7.3" if is_matlab else "HDF5", selection)
+
+
+def _unit_of_dataset(item: Any) -> str | None:
+    for name in _UNIT_NAMES:
+        value = item.attrs.get(name)
+        if isinstance(value, np.ndarray) and value.size == 1:
+            value = value.item()
+        if isinstance(value, bytes):
+            value = value.decode("utf-8", "replace")
+        if isinstance(value, str) and value.strip():
+            return value.strip()
+    return None
+
+
+MATLAB = "a MATLAB file"
+LONGEST_NAME = 64
+#: Names in a file of trajectories, and what it is, in words.
+TRAJECTORIES = {"Aclass", "name", "description", "dataInfo", "data_1", "data_2"}
+RESULTS = "results of a simulation, as Dymola and OpenModelica write them"
+_IN_BRACKETS = re.compile(r"\[(?P<unit>[^\[\]|#:]+)[^\[\]]*\]\s*$")
+#: Version 4 tells order of bytes, precision and type of matrix by a number of four digits.
+MOST_TYPE = 4100
+
+
+def _read_matlab(path: Path, selection: Selection) -> Recording:
+    """Vectors and narrow matrices of one length; fields of structures as "structure/field"."""
+    with understood(path, MATLAB):
+        from scipy.io import loadmat
+
+        values = loadmat(path, simplify_cells=True)
+        if set(values) >= TRAJECTORIES:
+            return _trajectories(path, loadmat(path, chars_as_strings=False))
+        arrays = [column for name, a in flattened(values) for column in columns_of(name, a)]
+    return recording_of(path, arrays, "MATLAB", selection)
+
+
+def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
+    """Results of a simulation as Dymola, OpenModelica and OMSimulator write them.
+
+    ``dataInfo`` has for every name the table, 1 or 2, and with its sign the row that holds it;
+    the first table has two times for what is constant. Units stand in the descriptions, as "[m/s]".
+    """
+    rotated = "".join(values["Aclass"][-1]).strip().lower() == "bintrans"
+
+    def rows(key: str) -> np.ndarray:
+        """A matrix with a row for each variable."""
+        table = np.atleast_2d(np.asarray(values[key], dtype=float))
+        return table if rotated else table.T
+
+    def texts(key: str) -> list[str]:
+        letters = np.atleast_2d(values[key])
+        return ["".join(row).strip("\0 ") for row in (letters.T if rotated else letters)]
+
+    def unit_in(words: str) -> str | None:
+        match = _IN_BRACKETS.search(words)
+        unit = match["unit"] if match is not None else None
+        return unit if unit is not None and same_kind(unit, unit) else None
+
+    tables = {k: rows(f"data_{k}") for k in (1, 2)}
+    info, names, about = rows("dataInfo").T.astype(int), texts("name"), texts("description")
+    times = tables[2][0]
+    channels = [channel_of(names[0], unit_in(about[0]) or "s", times)]
+    for name, words, (table, row, *_) in list(zip(names, about, info, strict=False))[1:]:
+        column = np.sign(row) * tables[int(table) or 2][abs(row) - 1]
+        kept = column if column.size == times.size else np.full(times.size, column[0])
+        channels.append(channel_of(name, unit_in(words), kept))
+    places = numbered_points(times.size)
+    return Recording(path=path, channels=tuple(channels), places=places, words=RESULTS)
+
+
+def _of_matlab(head: Head) -> bool:
+    if head.data.startswith(b"MATLAB 5.0"):
+        return True
+    if len(head.data) < 20 or head.path.suffix.lower() != ".mat":
+        return False
+    # version 4 has no signature: the first five numbers must be those of a matrix
+    for order in "<>":
+        kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head.data[:20])
+        sizes = rows >= 0 and columns >= 0 and 0 < length < LONGEST_NAME
+        if kind % 10 in (0, 1) and 0 <= kind < MOST_TYPE and imaginary in (0, 1) and sizes:
+            return True
+    return False
+
+
+TDMS = "a TDMS file"
+
+
+def _read_tdms(path: Path, selection: Selection) -> Recording:
+    """Channels of one length; a waveform brings its own axis, over time or over frequency."""
+    result: list[NamedArray] = []
+    with understood(path, TDMS, "tdms"):
+        from nptdms import TdmsFile
+
+        for group in TdmsFile.read(path).groups():
+            axes: list[NamedArray] = []
+            for channel in group.channels():
+                about, count = channel.properties, len(channel)
+                unit = about.get("unit_string") or about.get("NI_UnitDescription")
+                name = f"{group.name}/{channel.name.replace('/', ' per ')}"
+                result += columns_of(name, np.asarray(channel[:]), str(unit or "").strip() or None)
+                step = about.get("wf_increment")
+                if step and count and not axes:  # the axis of a group's waveforms
+                    start = float(about.get("wf_start_offset", 0.0))
+                    axis = start + float(step) * np.arange(float(count))
+                    over = about.get("wf_xunit_string") or about.get("wf_xunit") or "s"
+                    over = str(over).strip()
+                    kind = "Frequency" if over == "Hz" else "Time"
+                    axes = [NamedArray(f"{group.name}/{kind}", axis, over)]
+            result += axes
+    return recording_of(path, result, "TDMS", selection)
+
+
+TOUCHSTONE = "a Touchstone file"
+_OPTIONS = re.compile(r"#(\s+([kmg]?hz|[syzgh]|ma|db|ri|r|[\d.e+-]+))+\s*(!.*)?", re.IGNORECASE)
+#: Ports by the numbers in a row of frequency and values, where the file's name does not tell.
+_PORTS = {3: 1, 9: 2}
+MOST_PORTS = 9
+
+
+def _read_touchstone(path: Path, _: Selection) -> Recording:
+    """Touchstone 1.1 and 2.0: S parameters as complex columns "S11", "S21", ... over Hz."""
+    with understood(path, TOUCHSTONE, "touchstone"):
+        from skrf.io.touchstone import Touchstone
+
+        text = read_text(path)
+        file = io.StringIO(text)
+        file.name = _touchstone_name(path, text)
+        network = Touchstone(file)
+        f, s = np.asarray(network.f, dtype=float), np.asarray(network.s, dtype=complex)
+    if network.parameter != "s":
+        kind = str(network.parameter).upper()
+        raise BadInput(f"{path}: is {TOUCHSTONE} of {kind} parameters; wanted S parameters")
+    if s.shape[1] > MOST_PORTS:
+        raise BadInput(
+            f"{path}: is {TOUCHSTONE} of {s.shape[1]} ports; wanted at most {MOST_PORTS}"
+        )
+    pairs = [(i, j) for j in range(s.shape[2]) for i in range(s.shape[1])]
+    names = [f"S{i + 1}{j + 1}" for i, j in pairs]
+    ports = how_many(s.shape[1], "port")
+    return Recording(
+        path=path,
+        channels=(
+            channel_of("Frequency", "Hz", f),
+            *(channel_of(n, "1", s[:, i, j]) for n, (i, j) in zip(names, pairs, strict=True)),
+        ),
+        places=numbered_points(f.size),
+        words=f"Touchstone, {ports}, {', '.join(names[:4])}{', ...' if len(names) > 4 else ''}",
+    )
+
+
+def _touchstone_name(path: Path, text: str) -> str:
+    """A file name whose ending states the ports, as the library wants it."""
+    lines = [line.partition("!")[0].split() for line in text.splitlines()]
+    if "[version]" in {line[0].lower() for line in lines if line}:
+        return "network.ts"
+    if re.fullmatch(r"\.s\d+p", path.suffix.lower()):
+        return f"network{path.suffix.lower()}"
+    first = next((line for line in lines if line and line[0][0] not in "#["), [])
+    return f"network.s{_PORTS.get(len(first), 1)}p"
+
+
+def _of_touchstone(head: Head) -> bool:
+    kept = (line.strip() for line in head.lines if line.strip() and line.strip()[0] != "!")
+    first = next(kept, "")
+    return first.lower().startswith("[version]") or (
+        len(first.split()) > 2 and bool(_OPTIONS.fullmatch(first))
+    )
+
+
+UFF = "a Universal File (UFF)"
+#: Quantities of the abscissa, "specific data type": time and frequency.
+_TIME, _FREQUENCY = 17, 18
+#: Directions of a degree of freedom.
+_DIRECTIONS = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
+_FUNCTIONS = {
+    1: "time response",
+    2: "auto spectrum",
+    3: "cross spectrum",
+    4: "frequency response function",
+    5: "transmissibility",
+    6: "coherence",
+    9: "power spectral density",
+    12: "spectrum",
+}
+_UNTOLD = ("", "NONE", "NULL", "?")
+
+
+def _read_uff(path: Path, _: Selection) -> Recording:
+    """Functions over one axis, a column each, named by their degrees of freedom, as "2z/1z"."""
+    with understood(path, UFF, "uff"):
+        import pyuff
+
+        file = pyuff.UFF(str(path))
+        types = [int(kind) for kind in file.get_set_types()]
+        result = [file.read_sets(k) for k, kind in enumerate(types) if kind == 58]
+    if not result:
+        there = ", ".join(map(str, sorted(set(types)))) or "none"
+        raise BadInput(f"{path}: is {UFF} with datasets {there}; wanted one of type 58, functions")
+    first, others = result[0], len(result) - 1
+    axis = np.asarray(first["x"], dtype=float)
+    # what the functions go over: by the file, else time responses over time
+    number, over = int(first.get("func_type") or 0), int(first.get("abscissa_spec_data_type") or 0)
+    is_time = over == _TIME or (over != _FREQUENCY and number == 1)
+    channels = [
+        channel_of(
+            "Time" if is_time else "Frequency",
+            _unit_of_axis(first, "abscissa") or ("s" if is_time else "Hz"),
+            axis,
+        )
+    ]
+    names: list[str] = []
+    for function in (s for s in result if np.array_equal(np.asarray(s["x"]), axis)):
+        name = f"{_freedom(function, 'rsp')}/{_freedom(function, 'ref')}"
+        names.append(name if name not in names else f"{name} {len(names) + 1}")
+        unit, under = (_unit_of_axis(function, each) for each in ("ordinate", "orddenom"))
+        if unit is not None and under is not None and "/" not in unit:
+            unit = f"{unit}/{under}"
+        channels.append(channel_of(names[-1], unit, np.asarray(function["data"])))
+    kind = _FUNCTIONS.get(number, f"function of type {number}")
+    return Recording(
+        path=path,
+        channels=tuple(channels),
+        places=numbered_points(axis.size),
+        words=f"UFF dataset 58, {kind}{f' and {others} more' if others else ''}",
+        notes={"id1": str(first.get("id1", "")).strip()},
+    )
+
+
+def _freedom(function: dict[str, Any], side: str) -> str:
+    node, direction = (int(function.get(f"{side}_{key}") or 0) for key in ("node", "dir"))
+    sign = "-" if direction < 0 else ""
+    return f"{node}{sign}{_DIRECTIONS.get(abs(direction), '')}"
+
+
+def _unit_of_axis(function: dict[str, Any], axis: str) -> str | None:
+    text = str(function.get(f"{axis}_axis_units_lab") or "").strip()
+    return None if text.upper() in _UNTOLD else text
+
+
+def _of_uff(head: Head) -> bool:
+    lines = [line.strip() for line in head.data[:4096].splitlines() if line.strip()][:2]
+    return len(lines) == 2 and lines[0] == b"-1" and lines[1][:3].rstrip(b"b ").isdigit()
+
+
+LAYOUTS = (
+    Layout(
+        "hdf5",
+        _read_hdf5,
+        lambda head: any(head.data[at:].startswith(SIGNATURE) for at in _OFFSETS),
+    ),
+    Layout("matlab", _read_matlab, _of_matlab),
+    Layout("tdms", _read_tdms, lambda head: head.data.startswith(b"TDSm")),
+    Layout("touchstone", _read_touchstone, _of_touchstone),
+    Layout("uff", _read_uff, _of_uff),
+)

@@ -1,4 +1,7 @@
-"""What a file holds, whatever wrote it: named columns of numbers, each with the unit it states."""
+"""What a file holds, whatever wrote it: named columns of numbers, each with the unit it states.
+
+A `Layout` reads a file as a `Recording`; a `Selection` names what is taken of it, as a `RawTrace`.
+"""
 
 from __future__ import annotations
 
@@ -51,16 +54,6 @@ class Channel:
     guessed: bool = False
     lenient: Callable[[], Numbers] | None = None
 
-    def is_called(self, name: str) -> bool:
-        """Whether it has this name, capitals apart, alone or with groups that it is in.
-
-        Args:
-            name: as "X", "warm/X" or "raw/warm/X".
-        """
-        wanted = name.lower()
-        in_group = "/" in wanted and f"/{self.whole.lower()}".endswith(f"/{wanted}")
-        return self.name.lower() == wanted or in_group
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
@@ -102,7 +95,11 @@ class Recording:
         if exact is not None:
             return exact
         requested = named_column(name, 0)
-        result = next((c for c in self.channels if c.is_called(requested.name)), None)
+        wanted = requested.name.lower()
+        names = ((c, c.name.lower(), f"/{c.whole.lower()}") for c in self.channels)
+        # alone, or with groups that it is in, as "warm/X" or "raw/warm/X"
+        ends = f"/{wanted}" if "/" in wanted else "//"
+        result = next((c for c, own, whole in names if own == wanted or whole.endswith(ends)), None)
         if result is None or requested.unit is None:
             return result
         if result.unit not in (None, requested.unit):

@@ -1,7 +1,8 @@
 """Which column of a recording is the frequency, the amplitude, X, Y: by usual names, or guessed.
 
 What a campaign reads goes by the names that it gives, or else by usual ones: never by a guess. The
-guesses are for people to look at: `fitting.campaign.recognised` describes them in words.
+guesses are for people to look at: `fitting.campaign.recognised` describes them in words. The unit
+of a column of a power spectral density states what it is the density of.
 """
 
 from __future__ import annotations
