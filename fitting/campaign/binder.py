@@ -1,8 +1,8 @@
 """The FMU's variables next to a campaign: of the right kind, numbers in their unit; contradictions.
 
-A bound campaign must not contradict itself: settings of variables, tones, laws, and `[[assumptions]]`,
-what it fixes although it might be otherwise (`fitting.inference.checks.assumptions` computes what a
-fit would give then).
+A bound campaign must not contradict itself: settings of variables, tones, laws. `[[assumptions]]`
+are what it fixes although it might be otherwise; `fitting.inference.checks.assumptions` computes
+what a fit would give then.
 """
 
 from __future__ import annotations

@@ -560,7 +560,7 @@ LAYOUTS = (
     Layout(
         "hdf5",
         _read_hdf5,
-        lambda head: any(head.data[at:].startswith(SIGNATURE) for at in _OFFSETS),
+        lambda head: any(head.data[at:].startswith(SIGNATURE) for at in OFFSETS),
     ),
     Layout("matlab", _read_matlab, _of_matlab),
     Layout("tdms", _read_tdms, lambda head: head.data.startswith(b"TDSm")),
