@@ -30,7 +30,7 @@ from fitting.campaign.binding import (
 from fitting.campaign.bound import BoundCampaign, Setup
 from fitting.campaign.drift import bind_sigmas
 from fitting.campaign.file import offset_trouble
-from fitting.campaign.kind import BoundMeasurement, is_measurement, labels_of
+from fitting.campaign.kind import SeriesMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, Experiment, Phases, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import SCOPES
@@ -313,7 +313,7 @@ def _column(values: object, count: int, name: str) -> list[Scalar]:
     return column
 
 
-Measured = Tones | Sweep | BoundMeasurement
+Measured = Tones | Sweep | SeriesMeasurement
 
 
 def bind_arrays(

@@ -25,8 +25,8 @@ if TYPE_CHECKING:  # they take what is read here
     from fitting.campaign.parameters import Parameter
 
 
-class BoundMeasurement(Protocol):
-    """Data of one kind in the names and units of an FMU: a `Measurement` of the room above."""
+class SeriesMeasurement(Protocol):
+    """Data of one kind as a program has them: part of a series."""
 
     @property
     def setup(self) -> Setup:
@@ -35,6 +35,18 @@ class BoundMeasurement(Protocol):
     @property
     def series(self) -> str:
         """Name of the series that it belongs to."""
+
+    def within(self, setup: Setup, series: str) -> BoundMeasurement:
+        """The same as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+
+
+class BoundMeasurement(SeriesMeasurement, Protocol):
+    """Data of one kind in the names and units of an FMU: a `Measurement` of the room above."""
 
     @property
     def rows(self) -> int:
@@ -65,14 +77,6 @@ class BoundMeasurement(Protocol):
 
         Args:
             label: of the place.
-        """
-
-    def within(self, setup: Setup, series: str) -> BoundMeasurement:
-        """The same as part of a series that is driven so.
-
-        Args:
-            setup: how the series drives the FMU.
-            series: its name.
         """
 
 
