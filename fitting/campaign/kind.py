@@ -36,6 +36,10 @@ class SeriesMeasurement(Protocol):
     def series(self) -> str:
         """Name of the series that it belongs to."""
 
+    @property
+    def rows(self) -> int:
+        """Number of residual rows."""
+
     def within(self, setup: Setup, series: str) -> BoundMeasurement:
         """The same as part of a series that is driven so.
 
@@ -47,10 +51,6 @@ class SeriesMeasurement(Protocol):
 
 class BoundMeasurement(SeriesMeasurement, Protocol):
     """Data of one kind in the names and units of an FMU: a `Measurement` of the room above."""
-
-    @property
-    def rows(self) -> int:
-        """Number of residual rows."""
 
     @property
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:

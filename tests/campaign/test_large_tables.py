@@ -40,7 +40,7 @@ def test_names_of_many_columns_are_told_apart_in_one_pass(tmp_path: Path) -> Non
     text = "\n".join([" ".join(["x"] * count), *[" ".join(["1"] * count)] * 3])
     found = find_table(tmp_path / "t.txt", text)
     assert found is not None
-    assert len({column.name for column in found[0].channels}) == count
+    assert len({column.name for column in found[0].columns}) == count
 
 
 class Said:
