@@ -282,7 +282,7 @@ def other_kind(path: Path) -> BadInput | None:
         return None
     name = shlex.quote(str(path))
     try:
-        kind = foreign_kind(head_of(path))
+        kind = foreign_kind(head_of(path)).partition("; ")[0]
         if kind == "an FMU":
             return BadInput(
                 f"{path}: is an FMU, not a campaign; fmu-fit init FILE --fmu {name} writes the "
