@@ -40,6 +40,8 @@ from fitting.text.errors import FmuFailure
 
 #: Chi square over its degrees of freedom up to which a factor between them explains both.
 EXPLAINED = 3.0
+#: Share of the chi square of a contradiction below which the linearised test is taken as it is.
+CLEAR = 0.5
 #: Relative scatter of a sweep's points, at least: simulations and rounding.
 LEAST_SCATTER = 1e-5
 #: Descents: first damping, rounds at most, chi square that is worth a step, precision (over that of
@@ -170,7 +172,7 @@ class _Both:
 
     def agreement(self) -> SweepAgreement | None:
         """The test; None where they agree at once, or one determines nothing of the other."""
-        if self._possible_gain() < CONTRADICT**2:
+        if self._straight() < CLEAR * CONTRADICT**2:
             return None
         swept = self._least("T", self.start)
         determined = self._rank(swept)
@@ -210,16 +212,19 @@ class _Both:
         own = slice(-self.sweep.amplitude_v.size, None)
         return residual_structure(both.rows[own], both.matrix[own]).order == 0
 
-    def _possible_gain(self) -> float:
-        """Chi square by which sweep, and peaks with a factor, would each fit better elsewhere.
+    def _straight(self) -> float:
+        """The test with everything linearised at the solution: one expansion and no descent.
 
-        Predicted by one step from the solution; what they contradict each other by is no more.
+        Of data that agree it is exact, as the solution then lies near both minima.
         """
-        swept, peaks = self._at("T", self.start), self._at(f"S{self.factor}", self.start)
-        (_, left), (_, rest) = (self._step(end, GENTLE) for end in (swept, peaks))
-        freedom = max(1, swept.rows.size - self._rank(swept) - 1)
-        gain = (swept.chi_square - left) / max(1.0, left / freedom)
-        return gain + peaks.chi_square - rest
+        alone = self._at("T", self.start)
+        _, left = self._step(alone, GENTLE)
+        freedom = max(1, alone.rows.size - self._rank(alone) - 1)
+        own, self.scatter = self.scatter, self.scatter * max(1.0, math.sqrt(left / freedom))
+        swept, peaks, both = (self._at(p, self.start) for p in ("T", f"S{self.factor}", "ST"))
+        squares = [self._step(end, GENTLE)[1] for end in (both, swept, peaks)]
+        self.scatter = own
+        return squares[0] - squares[1] - squares[2]
 
     def _by_priors(self, one: _End, other: _End) -> float:
         """Chi square that priors of what drifts have more at one end: no data contradict there."""

@@ -7,6 +7,8 @@ decisions of a plan. Every other folder of templates may import them.
 from __future__ import annotations
 
 import math
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +17,7 @@ from fitting.text.controls import spelled_out
 from fitting.text.once import made_once
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
+    from jinja2 import Environment, FileSystemBytecodeCache
 
 TEMPLATES = Path(__file__).parent / "templates"
 #: Templates of an optional package are named by their path in it: "posterior/text.txt.j2".
@@ -68,6 +70,7 @@ def environment(*folders: Path, escaped: bool = False) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
+        bytecode_cache=_compiled(escaped=escaped),
     )
     made.tests["finite"] = math.isfinite
     made.filters["spelled_out"] = spelled_out
@@ -75,6 +78,20 @@ def environment(*folders: Path, escaped: bool = False) -> Environment:
     for function in (duration, limit_words, range_words, sized, two_digits, with_prefix):
         made.globals[function.__name__] = function
     return made
+
+
+def _compiled(*, escaped: bool) -> FileSystemBytecodeCache | None:
+    """Compiled templates beside compiled modules, where Python keeps those.
+
+    Whether text is escaped is part of the code, and no part of jinja's key.
+    """
+    from jinja2 import FileSystemBytecodeCache
+
+    folder = Path(__file__).parent / "__pycache__"
+    if sys.dont_write_bytecode or not os.access(folder, os.W_OK):
+        return None
+    kind = "html" if escaped else "text"
+    return FileSystemBytecodeCache(str(folder), f"templates-{kind}-%s.cache")
 
 
 @made_once
