@@ -23,7 +23,7 @@ from fitting.fit.levenberg import expand, minimise
 from fitting.fit.likelihood import LikelihoodEvaluator, Request
 from fitting.fit.optimum import TOO_LARGE_P, freedom_of
 from fitting.signal.chi_square import tail
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, IntArray
 
 #: Points of the first round, a power of two (each further one doubles them), and rounds at most.
 POINTS, ROUNDS = 64, 12
@@ -72,23 +72,25 @@ class Box:
     def spread(self, number: int, seed: int, skip: int = 0) -> list[FloatArray]:
         """Search vectors that fill the box evenly; a longer list continues a shorter one.
 
+        Halton's sequence, a prime number for each edge, all shifted by one vector that the seed
+        draws (without importing all of scipy.stats, which takes as long as many a fit).
+
         Args:
-            number: of points, a power of two.
-            seed: of the scrambling.
+            number: of points.
+            seed: of the shift.
             skip: points of the same sequence that were used before.
 
-        Source: I. Sobol, USSR Comput. Math. Math. Phys. 7 (1967) 86; A. Owen's scrambling.
+        Source: J. Halton, Numer. Math. 2 (1960) 84; R. Cranley and T. Patterson, SIAM J. Numer.
+        Anal. 13 (1976) 904.
         """
         count = int(np.count_nonzero(self.free))
         if not count:
             return []
-        # takes a third of a second to load: only where a box is searched
-        from scipy.stats.qmc import Sobol
-
-        sequence = Sobol(count, scramble=True, seed=np.random.default_rng(seed))
-        if skip:
-            sequence.fast_forward(skip)
-        return [self.from_cube(u) for u in sequence.random(number)]
+        primes = [k for k in range(2, 6 + 16 * count) if all(k % j for j in range(2, k))][:count]
+        places = np.arange(skip + 1, skip + number + 1)
+        shift = np.random.default_rng(seed).random(count)
+        cube = np.stack([radical_inverse(places, prime) for prime in primes], axis=1)
+        return [self.from_cube(u) for u in np.mod(cube + shift, 1.0)]
 
     def from_cube(self, u: FloatArray) -> FloatArray:
         """The search vector at a point of the cube, (n,); what is not searched is at its start.
@@ -126,6 +128,21 @@ class Box:
         rest = np.mod(gap, 1.0)
         gap = np.where(self._periodic, np.minimum(rest, 1.0 - rest), gap)
         return float(np.max(gap[self.free], initial=0.0))
+
+
+def radical_inverse(k: IntArray, base: int) -> FloatArray:
+    """The digits of whole numbers in some base, mirrored at the point: sum d_i b^(-i-1), (n,).
+
+    Args:
+        k: from 1 on, shape (n,).
+        base: of the digits, at least 2.
+    """
+    result, share = np.zeros(k.size), 1.0
+    while np.any(k > 0):
+        share /= base
+        result += share * (k % base)
+        k = k // base
+    return result
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -129,17 +129,17 @@ def test_an_exchange_is_found_though_the_model_is_inexact_at_one_place() -> None
     At more places than a few it is another model.
     """
 
-    def laboratory_off(above: float) -> list[Twin]:
+    def laboratory_off(is_off: Callable[[FloatArray], bool]) -> list[Twin]:
         def rows(p: FloatArray) -> FloatArray:
-            off = 1e-7 / SIGMA if p[0] > above else 0.0
+            off = 1e-7 / SIGMA if is_off(p) else 0.0
             return np.array([p[0] + p[1] + off, p[0] * p[1] / 1e4])
 
         pair = (parameter("a", 1.0, 100.0), parameter("b", 1.0, 100.0))
         return find_twins(Evaluator(whitened(rows, *pair)), seed=1)
 
-    [twin] = laboratory_off(above=70.0)
+    [twin] = laboratory_off(lambda p: p[0] > 70.0)
     assert twin.order.tolist() == [1, 0]
-    assert laboratory_off(above=10.0) == []
+    assert laboratory_off(lambda p: p[0] > p[1]) == []
 
 
 def test_an_exchange_needs_boxes_that_overlap_and_an_image_inside() -> None:
