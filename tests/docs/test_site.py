@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
 CONFIGURATION = ROOT / "docs" / "site" / "mkdocs.yml"
 #: Lines of the README: one screen for each question of somebody who has not decided yet.
-MOST_LINES = 150
+MOST_LINES = 120
 
 
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
