@@ -35,8 +35,6 @@ from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
 from fitting.text.finding import Finding, Kind
 
-#: Share of the distance between two bounds by which a value at one of them may lie beyond it.
-SLACK = 1e-6
 #: A window of so many correlation times, beyond which there is noise alone.
 WINDOW = 5.0
 #: Share of the profile's interval within which a draw has to be.
@@ -87,42 +85,27 @@ def _rhat(chains: FloatArray) -> float:
 
 
 def accepted_by(fit: Values, parameters: Sequence[Parameter]) -> dict[str, Accepted]:
-    """Values inside the bounds that a fit accepts, by name of the parameter.
-
-    Profiles are scanned beyond the bounds, where no draw comes: what fits only with another value
-    beyond its own is left out, and a value beyond its own counts at that bound.
+    """Values that a fit accepts, by name of the parameter, with the width of its interval.
 
     Args:
         fit: with its profiles; without them nothing is known.
-        parameters: that are drawn, with their bounds.
+        parameters: that are drawn.
     """
     knowledge = fit.knowledge
     if knowledge is None:
         return {}
-    # a value with a period has no bounds: a turn leads back inside
-    bounds = {p.name: (p.lower, p.upper) for p in parameters if p.period is None}
-    bounds |= {p.name: (-math.inf, math.inf) for p in parameters if p.period is not None}
-
-    def is_inside(place: Mapping[str, float]) -> bool:
-        for name, value in place.items():
-            low, high = bounds.get(name, (-math.inf, math.inf))
-            slack = SLACK * (high - low) if math.isfinite(high - low) else 0.0
-            if not low - slack <= value <= high + slack and not math.isnan(value):
-                return False
-        return True
-
+    names = {p.name for p in parameters}
     others = [e.parameters for e in knowledge.equivalents if not e.where]
-    others = [place for place in others if is_inside(place)]
     accepted: dict[str, Accepted] = {}
     for name, scan in knowledge.scans.items():
-        if name not in fit.parameters:
+        if name not in fit.parameters or name not in names:
             continue
         values = [place[name] for place in others if name in place]
-        for k, (value, delta) in enumerate(zip(scan.values, scan.delta_chi2, strict=True)):
-            place = {other: path[k] for other, path in scan.path.items() if other != name}
-            fits = delta * knowledge.inflation**2 <= ROOT_95**2
-            if name in bounds and fits and is_inside(place):
-                values.append(float(np.clip(value, *bounds[name])))
+        values += [
+            value
+            for value, delta in zip(scan.values, scan.delta_chi2, strict=True)
+            if delta * knowledge.inflation**2 <= ROOT_95**2
+        ]
         low, high = fit.parameters[name].ci95
         if high > low and math.isfinite(high - low):
             accepted[name] = (values, high - low)
