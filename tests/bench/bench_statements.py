@@ -45,7 +45,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         settings = Path(folder) / "coveragerc"
         settings.write_text(SETTINGS.format(core=core, folder=folder), encoding="utf-8")
         command = [sys.executable, "-m", "coverage", "run", f"--rcfile={settings}", "-m", "pytest"]
-        command += ["-q", "-n", str(options.workers), "--dist", "loadfile", "--costs", folder]
+        command += ["-q", "-n", str(options.workers), "--dist", "loadfile", f"--costs={folder}"]
+        # named, as pytest looks for its settings above every folder that it is given
+        command += ["-c", str(ROOT / "pyproject.toml")]
         command += ["-p", "tests.support.costs", "-p", "tests.support.file_contexts"]
         code = subprocess.run(
             [*command, *options.paths],

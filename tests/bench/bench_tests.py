@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command = [sys.executable, "-m", "pytest", "-q", "-n", str(options.workers)]
         # named, as pytest looks for its settings above every folder that it is given
         command += ["--dist", "worksteal", "-c", str(ROOT / "pyproject.toml")]
-        command += ["-p", "tests.support.costs", "--costs", folder]
+        command += ["-p", "tests.support.costs", f"--costs={folder}"]
         before = _waited_for_s()
         process = subprocess.Popen(
             [*command, *options.paths],
