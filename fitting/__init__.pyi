@@ -9,6 +9,8 @@ from fitting.api import plot as plot
 from fitting.api.calibration import calibrate as calibrate
 from fitting.api.cost import Cost as Cost
 from fitting.api.cost import cost as cost
+from fitting.api.direct import fit_sweep as fit_sweep
+from fitting.api.direct import fit_trace as fit_trace
 from fitting.api.examples import example as example
 from fitting.api.fitted import Fit as Fit
 from fitting.api.fitted import Inference as Inference

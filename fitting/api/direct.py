@@ -1,0 +1,176 @@
+"""A fit of any FMU to arrays in one call: to recorded time series, or to a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from fitting.api.fitted import Inference, fit, profile
+from fitting.api.fmu import Fmu, opened_fmu
+from fitting.api.problem import Problem
+from fitting.campaign.arrays import Parameter, Sweep
+from fitting.campaign.setup import Drive, Setup
+from fitting.measurements.complex.curve import ComplexCurve
+from fitting.measurements.complex.sweep import ComplexSweep
+from fitting.measurements.traces.traces import Trace
+from fitting.measurements.traces.waveform import Chirp, Pulse
+from fitting.signal.scale import half_power_width
+from fitting.text.arguments import checked
+from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
+
+#: Start, lower and upper bound of a parameter, in the FMU's unit or as texts with a unit.
+Box = tuple[float | str, float | str, float | str]
+#: What is looked for, by the FMU's names or as records.
+Wanted = Mapping[str, Box] | Sequence[Parameter]
+
+
+@checked
+def fit_trace(  # noqa: PLR0913 - keywords that all have defaults
+    fmu: Fmu | str | Path,
+    time_s: npt.ArrayLike,
+    inputs: Mapping[str, npt.ArrayLike | Pulse | Chirp],
+    outputs: Mapping[str, npt.ArrayLike],
+    parameters: Wanted,
+    *,
+    sigma: float | Mapping[str, float] = 0.0,
+    start_values: Mapping[str, Scalar] | None = None,
+    derived: Sequence[str] = (),
+    starts: int | None = None,
+) -> Inference:
+    """Fit an FMU to time series of its outputs under recorded inputs.
+
+        p = argmin sum_k (y_k - y(t_k; p))^2/sigma^2
+
+    The FMU begins at the first sample with its start values, as `Trace` with ``start="rest"``.
+
+    Args:
+        fmu: The FMU, its path, or the name of a model that is shipped.
+        time_s: Times of all samples, shape (n,), s, evenly spaced.
+        inputs: Values of each input at these times, shape (n,), in the FMU's unit, joined by
+            straight lines, or a declared `Pulse` or `Chirp`; empty: nothing drives the FMU.
+        outputs: Measured values of each output, shape (n,), in the FMU's unit.
+        parameters: Start, lower and upper bound by the FMU's name, in its unit or as texts with a
+            unit: ``{"c": (0.2, 0.01, 4.0)}``; or `Parameter` records.
+        sigma: Standard deviation of the values, in their unit, of all or by output; 0: the
+            residuals tell it.
+        start_values: Start values of other variables of the FMU.
+        derived: Outputs of the FMU that are reported with their errors.
+        starts: See `fit`.
+
+    Returns:
+        Values with intervals, as `profile` gives them.
+
+    Raises:
+        BadInput: names, shapes or units that do not fit the FMU.
+        FmuFailure: the FMU failed inside the bounds.
+    """
+    if not outputs:
+        raise BadInput("fit_trace: no outputs, wanted values of one at least")
+    fmu, names = opened_fmu(fmu), list(outputs)
+    first, *others = inputs or ("",)
+    driven = {
+        name: values
+        if isinstance(values, Pulse | Chirp)
+        else (np.asarray(time_s), np.asarray(values))
+        for name, values in inputs.items()
+    }
+    setup = Setup(Drive(), names[0], start_values=dict(start_values or {}))
+    traces = [
+        Trace(
+            np.asarray(time_s),
+            np.asarray(outputs[name]),
+            setup=setup,
+            input=first,
+            driven=driven.get(first),
+            further={other: driven[other] for other in others},
+            output=name,
+            label=name if len(names) > 1 else "",
+            sigma=sigma.get(name, 0.0) if isinstance(sigma, Mapping) else sigma,
+            unit=fmu.variables[name].unit or "1" if name in fmu.variables else "1",
+            source=f"output '{name}'",
+        )
+        for name in names
+    ]
+    problem = Problem(fmu, _records(parameters), traces, derived=derived)
+    return profile(fit(problem, starts=starts))
+
+
+@checked
+def fit_sweep(  # noqa: PLR0913 - keywords that all have defaults
+    fmu: Fmu | str | Path,
+    frequency_hz: npt.ArrayLike,
+    values: npt.ArrayLike,
+    parameters: Wanted,
+    *,
+    input_name: str = "",
+    tone_names: tuple[str, str] | None = None,
+    output_name: str = "",
+    start_values: Mapping[str, Scalar] | None = None,
+    derived: Sequence[str] = (),
+    starts: int | None = None,
+) -> Inference:
+    """Fit an FMU to its steady response to one tone after another.
+
+        p = argmin sum_k |L_k - g A(f_k; p)|^2        g by least squares, complex for complex values
+
+    Args:
+        fmu: The FMU, its path, or the name of a model that is shipped.
+        frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
+        values: Measured peak amplitudes or complex values, Re[values exp(i 2 pi f t)], shape (n,),
+            in any unit; the residuals tell their noise.
+        parameters: As of `fit_trace`.
+        input_name: The FMU's input that the tone drives; empty: its only one.
+        tone_names: Parameters of the FMU that hold frequency and amplitude of a tone of its own;
+            None: an input is driven.
+        output_name: The FMU's output that is observed; empty: its only one.
+        start_values: Start values of other variables of the FMU.
+        derived: Outputs of the FMU that are reported with their errors.
+        starts: See `fit`.
+
+    Returns:
+        Values with intervals, as `profile` gives them.
+
+    Raises:
+        BadInput: names, shapes or units that do not fit the FMU; several inputs or outputs, and
+            none is named.
+        FmuFailure: the FMU failed inside the bounds.
+    """
+    fmu = opened_fmu(fmu)
+    f, y = np.asarray(frequency_hz, dtype=float), np.asarray(values)
+    if tone_names is None:
+        drive = Drive(input=input_name or _only(fmu, "input"))
+    else:
+        drive = Drive(frequency_names=tone_names[:1], amplitude_names=tone_names[1:])
+    setup = Setup(
+        drive,
+        output_name or _only(fmu, "output"),
+        start_values=dict(start_values or {}),
+        line_width_hz=half_power_width(f, np.abs(y)),
+    )
+    measured = ComplexSweep(setup, ComplexCurve(f, y)) if np.iscomplexobj(y) else Sweep(setup, f, y)
+    problem = Problem(fmu, _records(parameters), [measured], derived=derived)
+    return profile(fit(problem, starts=starts))
+
+
+def _records(parameters: Wanted) -> list[Parameter]:
+    if not isinstance(parameters, Mapping):
+        return list(parameters)
+    for name, box in parameters.items():
+        if np.shape(box) != (3,):
+            raise BadInput(f"parameter '{name}': found {box!r}, wanted (start, lower, upper)")
+    return [Parameter(n, start, bounds=(low, high)) for n, (start, low, high) in parameters.items()]
+
+
+def _only(fmu: Fmu, causality: str) -> str:
+    """The only input or output of an FMU."""
+    names = [n for n, variable in fmu.variables.items() if variable.causality == causality]
+    if len(names) != 1:
+        found = ", ".join(names[:6]) or "none"
+        raise BadInput(
+            f"fit_sweep: {causality}_name is empty, and the FMU has {found}; wanted one of them"
+        )
+    return names[0]
