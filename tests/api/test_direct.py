@@ -91,7 +91,7 @@ def test_what_does_not_fit_the_fmu_is_named(
         ff.fit_trace(oscillator, t, **given)  # type: ignore[arg-type]
 
 
-def test_one_of_several_inputs_or_outputs_has_to_be_named(oscillator_fmu: Path) -> None:
+def test_one_of_several_outputs_has_to_be_named(oscillator_fmu: Path) -> None:
     f, a = np.linspace(6.9e6, 6.91e6, 20), np.ones(20)
-    with pytest.raises(ff.BadInput, match="input_name is empty"):
+    with pytest.raises(ff.BadInput, match="output_name is empty"):
         ff.fit_sweep(oscillator_fmu, f, a, {"d1": (100.0, 1.0, 1000.0)})
