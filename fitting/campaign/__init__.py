@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from fitting.campaign.file import ContinuationSettings as ContinuationSettings
     from fitting.campaign.file import WrittenFmu as WrittenFmu
     from fitting.campaign.measured import Experiment as Experiment
-    from fitting.campaign.measured import Phases as Phases
     from fitting.campaign.measured import Spectrum as Spectrum
     from fitting.campaign.measured import SweepData as SweepData
     from fitting.fmu.variables import VariableLike as VariableLike
@@ -39,7 +38,7 @@ HOMES = {
     **dict.fromkeys(("BoundCampaign", "Drift", "Drive", "Setup"), "fitting.campaign.bound"),
     **dict.fromkeys(("Campaign", "read_campaign"), "fitting.campaign.data"),
     **dict.fromkeys(("ContinuationSettings", "WrittenFmu"), "fitting.campaign.file"),
-    **dict.fromkeys(("Experiment", "Phases", "Spectrum", "SweepData"), "fitting.campaign.measured"),
+    **dict.fromkeys(("Experiment", "Spectrum", "SweepData"), "fitting.campaign.measured"),
     "VariableLike": "fitting.fmu.variables",
     "bind": "fitting.campaign.binding",
 }

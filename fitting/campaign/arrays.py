@@ -31,7 +31,7 @@ from fitting.campaign.bound import BoundCampaign, Setup
 from fitting.campaign.drift import bind_sigmas
 from fitting.campaign.file import offset_trouble
 from fitting.campaign.kind import SeriesMeasurement, is_measurement, labels_of
-from fitting.campaign.measured import NO_FILE, Experiment, Phases, SweepData, checked_experiment
+from fitting.campaign.measured import NO_FILE, Experiment, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import SCOPES
 from fitting.fmu.variables import READABLE, VariableLike
@@ -179,12 +179,6 @@ class Tones:
             written = written_values({name: column[i] for name, column in columns.items()}, where)
             for name, tone in zip(names if tones else (), drive_hz[i], strict=tones):
                 written[name] = Written(float(tone), "Hz", f"{where}: {name}")
-            phases = None
-            if is_complex:
-                restarted = label in self.restarted
-                phases = Phases(
-                    radians=np.angle(values[i]), unknown=self.unknown, restarted=restarted
-                )
             experiment = Experiment(
                 label=str(label),
                 tones_hz=tuple(map(float, drive_hz[i])),
@@ -193,7 +187,9 @@ class Tones:
                 sigmas_v=sigmas_v[i],
                 written=written,
                 observed=Written(self.output, None, "tones: output") if self.output else None,
-                phases=phases,
+                phases_rad=np.angle(values[i]) if is_complex else None,
+                unknown=self.unknown,
+                restarted=label in self.restarted,
             )
             made.append(checked_experiment(experiment))
         return tuple(made)

@@ -265,8 +265,8 @@ def check_conflicts(bound: BoundCampaign, binder: Binder) -> None:
     named = [p.name for p in bound.parameters]
     if len(set(named)) < len(named):
         raise BadInput(f"{top}{parameters} {named} names one twice")
-    sweep, gains = bound.sweep, [e.phases for e in bound.experiments if e.phases is not None]
-    if sweep is not None and sweep.use == "scale" and any(p.unknown == "gain" for p in gains):
+    sweep, gains = bound.sweep, [e for e in bound.experiments if e.phases_rad is not None]
+    if sweep is not None and sweep.use == "scale" and any(e.unknown == "gain" for e in gains):
         raise BadInput(
             f'{top}the sweep gives a scale alone, which the experiments\' unknown = "gain" '
             'does without; wanted the sweep with use = "fit", or unknown = "phase"'

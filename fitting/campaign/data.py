@@ -20,7 +20,6 @@ from fitting.campaign.kind import MeasurementTable, ReadMeasurement
 from fitting.campaign.measured import (
     UNKNOWN,
     Experiment,
-    Phases,
     Spectrum,
     SweepData,
     checked_experiment,
@@ -349,7 +348,7 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
         return checked_experiment(
             read(peaks_v=peaks_v, sigmas_v=sigmas_v, floor_v=floor_v, spectrum=spectrum)
         )
-    names, phases = written.x or written.peaks, None
+    names = written.x or written.peaks
     peaks = np.array([amplitude(name, part=bool(written.x)) for name in names])
     if written.x:
         values = peaks + 1j * np.array([amplitude(name, part=True) for name in written.y])
@@ -359,11 +358,13 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
     for name, value in zip(names, peaks, strict=True):
         if value <= 0.0:
             raise BadInput(f"{place(name)}: the peak is zero; wanted a positive amplitude")
-    if written.is_complex:
-        phases = Phases(
-            radians=-angles if written.conjugate else angles,
+    angles = -angles if written.conjugate else angles
+    return checked_experiment(
+        read(
+            peaks_v=peaks,
+            sigmas_v=np.array([amplitude(name) for name in written.peak_sigmas]),
+            phases_rad=angles if written.is_complex else None,
             unknown=written.unknown or UNKNOWN[0],
             restarted=label in written.restarted,
         )
-    sigmas = np.array([amplitude(name) for name in written.peak_sigmas])
-    return checked_experiment(read(peaks_v=peaks, sigmas_v=sigmas, phases=phases))
+    )

@@ -57,37 +57,15 @@ class Spectrum:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Phases:
-    """Phases of an experiment's lines: peak i is peaks_v[i] exp(i radians[i]) exp(i 2 pi u t).
-
-    ``radians`` (n,); ``unknown`` is what is unknown of the detector, one for a campaign: "phase",
-    "gain" (complex) or "none"; ``restarted``: from here on its phase is another one.
-
-    Raises:
-        BadInput: phases that are no numbers, another word.
-    """
-
-    radians: FloatArray
-    unknown: str = "phase"
-    restarted: bool = False
-
-    def __post_init__(self) -> None:
-        _set_arrays(self, "radians")
-        check_finite(self.radians, self.radians.size, "phases")
-        if self.unknown not in UNKNOWN:
-            raise BadInput(
-                f"phases: unknown is {self.unknown!r}, wanted one of {', '.join(UNKNOWN)}"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
 class Experiment:
     """What was measured in one experiment, and what it sets in the FMU.
 
     ``tones_hz`` are the drive frequencies; ``lines_hz`` those of the lines that were read, the
     tones where it is empty; ``peaks_v`` and ``sigmas_v`` (n,) per line: peak amplitude with the
     noise floor removed, its standard deviation (nan where it is unknown); ``floor_v`` mean noise
-    magnitude; ``phases`` of the peaks, where they were measured. ``settings`` are in the FMU's
+    magnitude. Where phases were measured, peak k is peaks_v[k] exp(i phases_rad[k]) exp(i 2 pi u t),
+    ``unknown`` is what is unknown of the detector, one for a campaign: "phase", "gain" (complex) or
+    "none"; ``restarted``: from here on its phase is another one. ``settings`` are in the FMU's
     units (tones and interpolated drift included), ``output`` is the FMU output that is observed
     (the campaign's, where empty). Before the campaign is bound these are in ``written`` and
     ``observed`` as they were written; ``stamp`` is the time, if drift asks.
@@ -100,7 +78,9 @@ class Experiment:
     lines_hz: tuple[float, ...] = ()
     floor_v: float = 0.0
     spectrum: Spectrum | None = None
-    phases: Phases | None = None
+    phases_rad: FloatArray | None = None
+    unknown: str = UNKNOWN[0]
+    restarted: bool = False
     settings: Mapping[str, Scalar] = field(default_factory=dict)
     output: str = ""
     written: Mapping[str, Written] = field(default_factory=dict)
@@ -142,8 +122,12 @@ def checked_experiment(e: Experiment) -> Experiment:
     check_finite(peaks_v, count, f"{where}: peaks")
     if not np.all(peaks_v > 0.0):
         raise BadInput(f"{where}: peaks {_shown(peaks_v)}; wanted positive amplitudes")
-    if e.phases is not None:
-        check_finite(e.phases.radians, count, f"{where}: phases")
+    phases_rad = e.phases_rad
+    if phases_rad is not None:
+        phases_rad = _array(phases_rad, f"{where}: phases")
+        check_finite(phases_rad, count, f"{where}: phases")
+    if e.unknown not in UNKNOWN:
+        raise BadInput(f"phases: unknown is {e.unknown!r}, wanted one of {', '.join(UNKNOWN)}")
     known = np.where(np.isnan(sigmas_v), 0.0, sigmas_v)
     check_finite(known, count, f"{where}: standard deviations")
     if np.any(known < 0.0) or not 0.0 <= e.floor_v < np.inf:
@@ -151,7 +135,7 @@ def checked_experiment(e: Experiment) -> Experiment:
             f"{where}: standard deviations {_shown(sigmas_v)}, noise floor {e.floor_v:g}; wanted "
             "zero or more"
         )
-    return replace(e, peaks_v=peaks_v, sigmas_v=sigmas_v, lines_hz=e.read_hz)
+    return replace(e, peaks_v=peaks_v, sigmas_v=sigmas_v, phases_rad=phases_rad, lines_hz=e.read_hz)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -524,7 +524,7 @@ def _of_tones(
         number=table.number,
         tones=tones,
         lines=() if all(line.order == 1 for line in read) else read,
-        phases=any(e.phases is not None for e in bound.experiments)
+        phases=any(e.phases_rad is not None for e in bound.experiments)
         if keys.phases is None
         else keys.phases,
     )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from fitting import Drive
-from fitting.campaign import Experiment, Phases
+from fitting.campaign import Experiment
 from fitting.design.information import SHIFT, Place, Rows, Series
 from fitting.design.limits import Limits, combinations
 from fitting.design.result import DriveChoice
@@ -209,7 +209,6 @@ class ToneCandidates:
                 settings[name] = convert(tone, "Hz", source.tone_unit, where=where)
         read = tuple(line.frequency_hz(tones) for line in self.limits.lines)
         ones = np.ones(len(read or tones))
-        phases = Phases(radians=0.0 * ones, unknown="none") if self.limits.phases else None
         return Experiment(
             label=label,
             settings=settings,
@@ -220,5 +219,6 @@ class ToneCandidates:
             spectrum=None,
             lines_hz=read,
             output=choice.output,
-            phases=phases,
+            phases_rad=0.0 * ones if self.limits.phases else None,
+            unknown="none",
         )

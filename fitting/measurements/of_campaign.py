@@ -35,7 +35,7 @@ def measurements_of(bound: BoundCampaign, series: str = "") -> tuple[Measurement
 def _tones(bound: BoundCampaign, series: str) -> Iterator[Tones]:
     """The experiments without phases and those with, each with everything known of their noise."""
     for kind, with_phases in ((Tones, False), (ComplexTones, True)):
-        mine = tuple(e for e in bound.experiments if (e.phases is not None) == with_phases)
+        mine = tuple(e for e in bound.experiments if (e.phases_rad is not None) == with_phases)
         if mine:
             sigmas_v, origin = peak_sigmas(replace(bound, experiments=mine))
             yield kind(

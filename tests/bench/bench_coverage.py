@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 import build_fmu
-from fitting.campaign import BoundCampaign, Phases, bind, read_campaign
+from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import references, to_search
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many, make_objective
@@ -219,7 +219,7 @@ def cross(seed: int, variables: Variables, folder: Path, *, phases: bool = False
                     settings=settings,
                     peaks_v=np.abs(noisy),
                     sigmas_v=CROSS_NOISE * np.abs(noisy),
-                    phases=Phases(radians=np.angle(noisy)) if phases else None,
+                    phases_rad=np.angle(noisy) if phases else None,
                     spectrum=None,
                     output=("q1_hybrid", "q2_hybrid")[mode],
                 )

@@ -66,7 +66,7 @@ def test_a_detector_tells_phases_where_the_campaign_has_some_or_says_so(
     assert limits_from(bound, workers).phases
     off = limits_from(bound, workers, phases=False)
     assert not off.phases
-    amplitudes = tuple(replace(e, phases=None) for e in bound.experiments)
+    amplitudes = tuple(replace(e, phases_rad=None) for e in bound.experiments)
     assert not limits_from(replace(bound, experiments=amplitudes), workers).phases
     assert limits_from(replace(bound, experiments=amplitudes), workers, phases=True).phases
     table = DesignTable(Path("x.toml"), WrittenDesign(phases=False), frozenset({"phases"}))

@@ -67,7 +67,7 @@ class PhasorResponse:
         for k, shift in self._shifts:
             moved = moved + p[k] * shift
         found = _phasors(tones, moved, self._damping(p), modes)
-        return found if self.bound.experiments[0].phases is not None else np.abs(found)
+        return found if self.bound.experiments[0].phases_rad is not None else np.abs(found)
 
     def sweep(self, p: FloatArray) -> FloatArray:
         assert self.bound.sweep is not None

@@ -177,7 +177,7 @@ def check_scale(solved: Solved) -> Iterator[Finding]:
     sweeps = [bound.sweep for bound in campaigns if bound.sweep is not None]
     if len(campaigns) == 1:
         experiments = campaigns[0].experiments
-        gains = [e.phases.unknown == "gain" for e in experiments if e.phases is not None]
+        gains = [e.unknown == "gain" for e in experiments if e.phases_rad is not None]
         if not sweeps and experiments and not any(gains):
             yield note(Kind.scale_none, "scale")
         elif sweeps and sweeps[0].scale == "maximum":

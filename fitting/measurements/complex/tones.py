@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.campaign import Experiment, Phases
+from fitting.campaign import Experiment
 from fitting.measurements.complex.gain import gains_of
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import Prediction, Values
@@ -44,7 +44,8 @@ class ComplexTones(Tones):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        unknown = sorted({phases_of(e).unknown for e in self.experiments})
+        _ = self.y  # refuses an experiment without phases
+        unknown = sorted({e.unknown for e in self.experiments})
         if len(unknown) > 1:
             raise BadInput(
                 f"tones with phases: unknown is {' and '.join(unknown)}; wanted one word in a "
@@ -54,12 +55,12 @@ class ComplexTones(Tones):
     @property
     def unknown(self) -> str:
         """What is solved inside: "phase", "gain" or "none"."""
-        return phases_of(self.experiments[0]).unknown
+        return self.experiments[0].unknown
 
     @cached_property
     def y(self) -> ComplexArray:
         """Measured values (n,), in the unit of the amplitudes."""
-        radians = [phases_of(e).radians for e in self.experiments]
+        radians = [phases_of(e) for e in self.experiments]
         return np.asarray(self.peaks_v * np.exp(1j * np.concatenate(radians)))
 
     @cached_property
@@ -67,7 +68,7 @@ class ComplexTones(Tones):
         """Which reference phase each line has, (n,)."""
         result, group = [], 0
         for k, e in enumerate(self.experiments):
-            group += int(phases_of(e).restarted and k > 0)
+            group += int(e.restarted and k > 0)
             result.append(np.full(len(e.read_hz), group))
         return np.concatenate(result).astype(np.intp)
 
@@ -155,10 +156,7 @@ class ComplexTones(Tones):
         Args:
             factor: on the phases.
         """
-        experiments = tuple(
-            replace(e, phases=replace(phases_of(e), radians=factor * phases_of(e).radians))
-            for e in self.experiments
-        )
+        experiments = tuple(replace(e, phases_rad=factor * phases_of(e)) for e in self.experiments)
         return replace(self, experiments=experiments)
 
     def of_lines(self, rows: FloatArray) -> FloatArray:
@@ -218,8 +216,8 @@ _SOLVED = {
 }
 
 
-def phases_of(experiment: Experiment) -> Phases:
-    """The phases of an experiment that has some.
+def phases_of(experiment: Experiment) -> FloatArray:
+    """The phases (n,) of an experiment that has some, rad.
 
     Args:
         experiment: of a campaign.
@@ -227,6 +225,6 @@ def phases_of(experiment: Experiment) -> Phases:
     Raises:
         BadInput: it has none.
     """
-    if experiment.phases is None:
+    if experiment.phases_rad is None:
         raise BadInput(f"experiment '{experiment.label}': has no phases; wanted one for each line")
-    return experiment.phases
+    return experiment.phases_rad
