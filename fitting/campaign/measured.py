@@ -63,8 +63,8 @@ class Experiment:
     ``tones_hz`` are the drive frequencies; ``lines_hz`` those of the lines that were read, the
     tones where it is empty; ``peaks_v`` and ``sigmas_v`` (n,) per line: peak amplitude with the
     noise floor removed, its standard deviation (nan where it is unknown); ``floor_v`` mean noise
-    magnitude. Where phases were measured, peak k is peaks_v[k] exp(i phases_rad[k]) exp(i 2 pi u t),
-    ``unknown`` is what is unknown of the detector, one for a campaign: "phase", "gain" (complex) or
+    magnitude. With phases, peak k is peaks_v[k] exp(i phases_rad[k]) exp(i 2 pi u t),
+    ``unknown`` is what is unknown of the detector of a campaign: "phase", "gain" (complex) or
     "none"; ``restarted``: from here on its phase is another one. ``settings`` are in the FMU's
     units (tones and interpolated drift included), ``output`` is the FMU output that is observed
     (the campaign's, where empty). Before the campaign is bound these are in ``written`` and
