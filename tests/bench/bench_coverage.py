@@ -38,7 +38,6 @@ from fitting.lab.benches import changed, string_bench
 from fitting.lab.instruments.phase_detector import PhaseDetectors
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
-from fitting.measurements.complex.tones import phases_of
 from fitting.measurements.measurement import Response
 from fitting.text.files import write_all
 from tests.support.datasets import drafted, through
@@ -170,10 +169,7 @@ def phases(seed: int, variables: Variables, folder: Path) -> Laboratory:
 def gain(seed: int, variables: Variables, folder: Path) -> Laboratory:
     """The same through a complex gain that nobody knows: without a sweep."""
     laboratory = phases(seed, variables, folder)
-    experiments = tuple(
-        replace(e, phases=replace(phases_of(e), unknown="gain"))
-        for e in laboratory.bound.experiments
-    )
+    experiments = tuple(replace(e, unknown="gain") for e in laboratory.bound.experiments)
     return replace(laboratory, bound=replace(laboratory.bound, experiments=experiments, sweep=None))
 
 
