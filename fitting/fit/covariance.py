@@ -78,8 +78,7 @@ class RowCovariance:
         """Q (m, k) and s (k,)."""
         if not self.common.shape[1]:
             return self.common, np.empty(0)
-        left, found, _ = np.linalg.svd(self.common / self.sigma[:, np.newaxis], full_matrices=False)
-        return left, found
+        return np.linalg.svd(self.common / self.sigma[:, np.newaxis], full_matrices=False)[:2]
 
     @property
     def row_sigma(self) -> FloatArray:
@@ -162,9 +161,9 @@ def _along(axes: FloatArray, factors: FloatArray, rows: FloatArray) -> FloatArra
     """Rows (m,) or (m, n), their components along orthonormal axes (m, k) times factors (k,)."""
     if not factors.size:
         return np.asarray(rows)
-    seen = axes.T @ rows
-    scaled = (factors * seen.T).T
-    return np.asarray(rows - axes @ seen + axes @ scaled)
+    parts = axes.T @ rows
+    scaled = (factors * parts.T).T
+    return np.asarray(rows - axes @ parts + axes @ scaled)
 
 
 @dataclass(frozen=True)

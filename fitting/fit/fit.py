@@ -128,7 +128,7 @@ def solve_problem(
         BadInput: nothing to fit.
     """
     hooks = hooks or Hooks()
-    begun = hooks.clock()
+    started = hooks.clock()
     outcomes: list[Outcome] = []
     for k, alternative in enumerate(problem.alternatives):
         state = Progress(
@@ -136,7 +136,7 @@ def solve_problem(
             done=k,
             of=len(problem.alternatives),
             evaluations=sum(each.counts.evaluations for each in outcomes),
-            elapsed_s=hooks.clock() - begun,
+            elapsed_s=hooks.clock() - started,
         )
         hooks.progress(state)
         try:
@@ -149,7 +149,7 @@ def solve_problem(
             break
     if not outcomes:
         raise KeyboardInterrupt
-    return _finished(problem, options, outcomes, hooks.clock() - begun)
+    return _finished(problem, options, outcomes, hooks.clock() - started)
 
 
 def with_path(fit: Fit, hooks: Hooks | None = None) -> Fit:
@@ -174,7 +174,7 @@ def with_path(fit: Fit, hooks: Hooks | None = None) -> Fit:
             f"beyond {MOST_SLACKS}, or no path (--no-path)"
         )
     hooks = hooks or Hooks()
-    begun = hooks.clock()
+    started = hooks.clock()
     course = Course(
         objective=fit.solution.objective,
         options=fit.options,
@@ -203,7 +203,7 @@ def with_path(fit: Fit, hooks: Hooks | None = None) -> Fit:
         path=path,
         global_path=global_rows,
         cost=sum((level.counts for level in (*levels, *lowest)), fit.cost + read),
-        seconds=fit.seconds + hooks.clock() - begun,
+        seconds=fit.seconds + hooks.clock() - started,
     )
 
 

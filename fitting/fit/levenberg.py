@@ -244,8 +244,8 @@ def _expanded(
         failed = [i for i, s in enumerate(samples[1:]) if not np.all(np.isfinite(s.rows))]
         if failed:  # a step at which the model fails goes the other way
             around = around.turned(failed)
-            turned = yield Request(tuple(around.nodes[i + 1] for i in failed), outputs=outputs)
-            for i, sample in zip(failed, turned, strict=True):
+            others = yield Request(tuple(around.nodes[i + 1] for i in failed), outputs=outputs)
+            for i, sample in zip(failed, others, strict=True):
                 samples[i + 1] = sample
     matrix = around.quotients([sample.rows for sample in samples])
     return Expansion(samples[0], matrix, around.quotients([s.outputs for s in samples]))

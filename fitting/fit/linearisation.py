@@ -81,9 +81,9 @@ class Linearisation:
     def _decomposed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Left vectors (m, k), singular values (n,) and all right vectors as rows (n, n)."""
         m, n = self.matrix.shape
-        left, found, right = np.linalg.svd(self.scaled, full_matrices=m < n)
+        left, values, right = np.linalg.svd(self.scaled, full_matrices=m < n)
         singular = np.zeros(n)
-        singular[: found.size] = found
+        singular[: values.size] = values
         return left, singular, right
 
     @property
@@ -180,14 +180,14 @@ class Linearisation:
             least: precision, as a multiple of the prior's, from which a direction takes part.
         """
         left, singular, right = self._decomposed
-        seen = self._determined(least)
-        projected = left[:, seen[: left.shape[1]]].T @ self.rows
-        spread = right[seen].T / singular[seen]
-        unseen = np.eye(self.prior.size) - right[seen].T @ right[seen]
+        determined = self._determined(least)
+        projected = left[:, determined[: left.shape[1]]].T @ self.rows
+        spread = right[determined].T / singular[determined]
+        unseen = np.eye(self.prior.size) - right[determined].T @ right[determined]
         units = np.outer(self.prior, self.prior)
         return Minimum(
             chi_square=float(self.rows @ self.rows - projected @ projected),
-            rank=int(np.count_nonzero(seen)),
+            rank=int(np.count_nonzero(determined)),
             step=-self.prior * (spread @ projected),
             covariance=units * (spread @ spread.T),
             unseen=units * unseen,

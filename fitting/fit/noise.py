@@ -92,10 +92,10 @@ def noise_of(objective: Objective, point: Point, fitted: float = 0.0) -> RowNois
     sigma = row_sigmas(data.sigma, point.residuals, taken)
     unknown = ~(data.sigma > 0.0)
     freedom = max(1.0, float(np.count_nonzero(unknown)) - taken)
-    found = RowNoise(sigma, shared(data, point.residuals), _bounded(data, point))
+    noise = RowNoise(sigma, shared(data, point.residuals), _bounded(data, point))
     if not np.any(unknown):
-        return found
-    return replace(found, scatter=unknown.astype(float), freedom=freedom)
+        return noise
+    return replace(noise, scatter=unknown.astype(float), freedom=freedom)
 
 
 def shared_at(noise: RowNoise, data: Dataset, point: Point) -> RowNoise:

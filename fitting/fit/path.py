@@ -204,7 +204,7 @@ def global_path(course: Course, others: Sequence[FloatArray]) -> Iterator[PathLe
 def _levels(course: Course, kind: str, others: Sequence[FloatArray]) -> Iterator[PathLevel]:
     """Levels as they were finished earlier, else solved and recorded."""
     hooks, schedule, misfit = course.hooks, course.options.schedule, course.options.misfit
-    x, begun, spent = own_start(course.objective.parameters), hooks.clock(), 0
+    x, started, spent = own_start(course.objective.parameters), hooks.clock(), 0
     last: dict[str, float] = {}
     for number in range(schedule.levels):
         now, nu = hooks.clock(), schedule.nu(number)
@@ -215,7 +215,7 @@ def _levels(course: Course, kind: str, others: Sequence[FloatArray]) -> Iterator
             nu=nu,
             **last,
             evaluations=spent,
-            elapsed_s=now - begun,
+            elapsed_s=now - started,
         )
         hooks.progress(state)
         memory = hooks.memory

@@ -71,18 +71,18 @@ class PlannedFmu:
             )
         if all(plan is self.plans[name] for name, plan in plans.items()):
             return self
-        found = replace(self, plans=plans)
-        for sentence in found.sentences:
+        planned = replace(self, plans=plans)
+        for sentence in planned.sentences:
             _log.info("plan, where the fit ended: %s", sentence)
-        return found
+        return planned
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """What the plans say, of every campaign by its name where there are several."""
         return tuple(
-            f"{name}: {said}" if name else said
+            f"{name}: {sentence}" if name else sentence
             for name, plan in self.plans.items()
-            for said in plan.sentences
+            for sentence in plan.sentences
         )
 
 
@@ -97,20 +97,20 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: a campaign cannot be planned, or something else than it drives the FMU.
     """
-    told = workers.description
+    description = workers.description
     series = {
         name: replace(
             problem.planned_together(name),
-            own_step_s=told.step_s,
-            fixed_step=told.fixed_step,
-            any_steps=told.any_steps,
-            exchange=told.exchange is not None,
+            own_step_s=description.step_s,
+            fixed_step=description.fixed_step,
+            any_steps=description.any_steps,
+            exchange=description.exchange is not None,
         )
         for name in problem.data.series
     }
     for each in series.values():
         refuse_other_drives(each, workers)
-    variables, own = told.settable, read_accuracy_annotation(told)
+    variables, own = description.settable, read_accuracy_annotation(description)
     plans = {name: measured_plan(each, workers, variables, own) for name, each in series.items()}
     planned = PlannedFmu(problem, workers, plans)
     for sentence in planned.sentences:

@@ -123,14 +123,14 @@ def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:
     series = named_apart(bounds)
     parameters, notes = join_parameters([bound for _, bound in series])
     measured = [m for name, bound in series for m in measurements_of(bound, name)]
-    held = any(p.prior_sigma is not None for p in parameters)
+    has_prior = any(p.prior_sigma is not None for p in parameters)
     noises = [bound.noise for bound in bounds]
     every = [*notes, *(note for bound in bounds for note in bound.notes)]
     return Problem(
         parameters=parameters,
         data=Dataset(
             tuple(sorted(measured, key=lambda m: m.is_curve)),
-            weigh=held
+            weigh=has_prior
             or any(n.declared or n.outliers != "keep" for n in noises)
             or any(bound.measurements for bound in bounds),  # rows of unlike noise
             outliers="huber" if all(n.outliers == "huber" for n in noises) else "keep",

@@ -137,18 +137,18 @@ def twins_but_for_priors(evaluator: Evaluator, seed: int) -> list[Twin]:
         seed: of the points that are tried.
     """
     parameters = evaluator.objective.parameters
-    held = [p.is_searched and p.prior_sigma is not None for p in parameters]
-    if not any(held):
+    has_prior = [p.is_searched and p.prior_sigma is not None for p in parameters]
+    if not any(has_prior):
         return []
     bare = tuple(
-        replace(p, prior=None) if has_prior else p
-        for p, has_prior in zip(parameters, held, strict=True)
+        replace(p, prior=None) if is_held else p
+        for p, is_held in zip(parameters, has_prior, strict=True)
     )
     without = Evaluator(replace(evaluator.objective, parameters=bare))
-    found = find_twins(without, seed)
+    twins = find_twins(without, seed)
     evaluator.counts += without.counts
-    index = np.flatnonzero(held)
-    return [twin for twin in found if not twin.leaves(index)]
+    index = np.flatnonzero(has_prior)
+    return [twin for twin in twins if not twin.leaves(index)]
 
 
 def _unchanged(
