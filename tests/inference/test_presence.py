@@ -8,7 +8,7 @@ from numpy.random import default_rng
 from scipy.stats import chi2, f
 
 import fitting as ff
-from fitting.fit.search import evolution
+from fitting.fit import search
 from fitting.signal.presence import SURELY, chance
 from tests.bench.bench_crossing import METHOD
 from tests.support.virtual.crossing import CrossingLaboratory, laboratory
@@ -30,7 +30,7 @@ def told(lab: CrossingLaboratory, fmu: ff.Fmu, budget: int | None = None) -> ff.
 @pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.nightly)])
 def test_of_noise_nothing_is_said(fmu: ff.Fmu, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three times the largest amplitude: profiles had cut an interval of a per cent, elsewhere."""
-    monkeypatch.setattr(evolution, "GENERATIONS", 1)  # nothing is found, however long it takes
+    monkeypatch.setattr(search, "ROUNDS", 2)  # no line is there, however long it takes
     found = told(laboratory(seed, noise=3.0, spectra=5, points=41), fmu, budget=20_000)
     assert str(found["lambda12"].status) == "no verdict"
     assert found.inferred.status.value != "converged"
