@@ -12,7 +12,7 @@ from fitting.api.fitted import Inference, fit, profile
 from fitting.api.fmu import Fmu, opened_fmu
 from fitting.api.problem import Problem
 from fitting.campaign.arrays import Parameter, Sweep
-from fitting.campaign.setup import Drive, Setup
+from fitting.campaign.bound import Drive, Setup
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.traces.traces import Trace
