@@ -16,6 +16,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy.typing as npt
 
+from fitting.api.request import USUAL_TONES, RequestBinder
 from fitting.api.written import DRIVE_FILES, SWEEP_FILES
 from fitting.campaign.bound import Drive as WantedDrive
 from fitting.campaign.file import WrittenFmu
@@ -26,12 +27,18 @@ from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import MOST_WORKERS
 from fitting.fmu.tone_names import OtherTone, other_tones
 from fitting.report.table import Table, html_table, table
-from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.frf import sweep as sweep_through
-from fitting.simulate.request import USUAL_TONES, RequestBinder
-from fitting.simulate.response import DriveResponse, Shown, plan_drive, respond
-from fitting.simulate.unsteady import Sideband, missing_damping, sideband_of
+from fitting.simulate.planner import DrivePlan
+from fitting.simulate.response import (
+    DriveResponse,
+    Shown,
+    Sideband,
+    missing_damping,
+    plan_drive,
+    respond,
+    sideband_of,
+)
 from fitting.text.arguments import checked, renamed
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput

@@ -18,10 +18,10 @@ from fitting.campaign.parameters import Parameter
 from fitting.fmu import Run
 from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.known_answers import KnownAnswers
 from fitting.measurements.measurement import Evaluation, Measurement
 from fitting.signal.window import tone_misfit
 from fitting.simulate.batch import Batch, Workers, answered, together
-from fitting.simulate.known_answers import KnownAnswers
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
 

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from fitting.measurements.curve_plan import CurvePlan, Place, curve_decision
 from fitting.measurements.traces.step_plan import StepPlan, step_decision
 from fitting.signal.grid import ANY_TIME, Grid
-from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord, record_of
+from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord
 from fitting.simulate.words import decision_in_words, sum_in_words
 from fitting.text.arrays import FloatArray, Scalar
 
@@ -133,7 +133,7 @@ class Plan:
     @property
     def record(self) -> PlanRecord | None:
         """The plan for a result."""
-        return None if self.budget is None else record_of(self.budget, self.settings)
+        return None if self.budget is None else self.budget.record(self.settings)
 
 
 def _sentence(decision: Decision) -> str:

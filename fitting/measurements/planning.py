@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, partial
@@ -18,14 +19,9 @@ from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
 from fitting.simulate.batch import Batch, Workers, answered, together
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
-from fitting.simulate.cost import CHEAPER, cost_ratio
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.knowledge import Knowledge
-from fitting.simulate.planner import PlanOptions, plan_drives
-from fitting.simulate.probe import Probe
-from fitting.simulate.reductions import no_cheaper_than
-from fitting.simulate.settling import settling_s
+from fitting.simulate.planner import DrivePlan, PlanOptions, plan_drives
+from fitting.simulate.probe import CHEAPER, Knowledge, Probe, cost_ratio
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
@@ -140,6 +136,23 @@ def _settling(series: Series) -> tuple[float, Decision]:
     )
 
 
+def settling_s(line_width_hz: float, accuracy: float) -> float:
+    """Time after which a transient exp(-pi w t) is below the accuracy, s.
+
+    Planned for half the width that was stated: a fit may try less damping than there is.
+
+    Args:
+        line_width_hz: full width of the narrowest line, Hz.
+        accuracy: relative error that is wanted.
+
+    Raises:
+        ValueError: a width or an accuracy that is not positive.
+    """
+    if not (line_width_hz > 0.0 and 0.0 < accuracy < 1.0):
+        raise ValueError(f"line width {line_width_hz!r} Hz, accuracy {accuracy!r}")
+    return math.log(1.0 / accuracy) / (math.pi * 0.5 * line_width_hz)
+
+
 def measured_plan(
     series: Series,
     workers: Workers,
@@ -207,7 +220,8 @@ def measured_plan(
         whole = planned(known)
         if _part(series, replace(model, plan=plan), replace(model, plan=whole), workers) < CHEAPER:
             return plan
-        plan = whole.with_decision(no_cheaper_than(taken[-1]))
+        no_cheaper = replace(taken[-1], taken=False, basis=Basis.NO_CHEAPER, bound=math.nan)
+        plan = whole.with_decision(no_cheaper)
     return plan
 
 
@@ -355,7 +369,7 @@ def _lost(
             names = {
                 b.replace("{output}", n) for b in bounds if b for d in drives for n in d.outputs
             }
-            probe = Probe(drives=tuple(drives), workers=workers, exchange=known.exchange)
+            probe = Probe(tuple(drives), workers, known)
             try:
                 left_out = [probe.largest(result.settings, result.settle_s, n) for n in names]
             except NoAnswer:

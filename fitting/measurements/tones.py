@@ -28,7 +28,7 @@ from fitting.measurements.residual_curve import ResidualCurve
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import window_decision
+from fitting.simulate.planner import window_decision
 from fitting.simulate.words import window_in_words
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.finding import Kind

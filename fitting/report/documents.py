@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from fitting.signal.combinations import combination_name
-from fitting.simulate.budget import record_of
-from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
+from fitting.simulate.planner import DrivePlan
 from fitting.simulate.response import DriveResponse
 from fitting.simulate.words import warnings_in_words
 from fitting.text.arrays import FloatArray
@@ -28,7 +27,7 @@ def plan_document(plan: DrivePlan) -> dict[str, Any]:
     return {
         "kept": plan.budget.kept,
         "settle_s": plan.settle_s,
-        **vars(record_of(plan.budget, plan.settings)),
+        **vars(plan.record),
         "warnings": tuple(warnings_in_words(plan.budget)),
     }
 

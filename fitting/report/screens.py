@@ -21,10 +21,9 @@ from fitting.report.summary import (
 from fitting.report.table import table
 from fitting.result.calibration import Calibration
 from fitting.simulate.budget import Budget
-from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
-from fitting.simulate.response import DriveResponse
-from fitting.simulate.unsteady import Sideband
+from fitting.simulate.planner import DrivePlan
+from fitting.simulate.response import DriveResponse, Sideband
 from fitting.simulate.words import (
     difference_in_words,
     remainder_in_words,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from enum import StrEnum
 
 from fitting.text.arrays import Scalar
@@ -78,7 +78,7 @@ SHARES: Mapping[Kind, float] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Decision:
     """One choice of a plan, the relative error of an amplitude that it may cost, and the reason.
 
@@ -94,6 +94,7 @@ class Decision:
     kind: Kind
     basis: Basis
     bound: float
+    _: KW_ONLY
     subject: str = ""
     numbers: Mapping[str, Scalar] = field(default_factory=dict)
     settings: Mapping[str, Scalar] = field(default_factory=dict)
@@ -146,8 +147,7 @@ class Budget:
         Args:
             kind: of the decisions that do not count.
         """
-        others = tuple(d for d in self.decisions if d.kind != kind)
-        return Budget(self.wanted, others).left
+        return max(0.0, self.wanted - math.fsum(d.cost for d in self.decisions if d.kind != kind))
 
     @property
     def kept(self) -> bool:
@@ -161,6 +161,19 @@ class Budget:
             decision: of the plan.
         """
         return Budget(self.wanted, (*self.decisions, decision))
+
+    def record(self, settings: Mapping[str, Scalar]) -> PlanRecord:
+        """What a result holds of a plan.
+
+        Args:
+            settings: values of FMU variables that the plan chose, by name.
+        """
+        return PlanRecord(
+            wanted=self.wanted,
+            promised=self.promised,
+            decisions=self.decisions,
+            settings=dict(settings),
+        )
 
     def of(self, kind: Kind, subject: str = "") -> tuple[Decision, ...]:
         """The decisions of a kind, on that subject where one is given.
@@ -181,18 +194,3 @@ class PlanRecord:
     promised: float
     decisions: tuple[Decision, ...]
     settings: Mapping[str, Scalar] = field(default_factory=dict)
-
-
-def record_of(budget: Budget, settings: Mapping[str, Scalar]) -> PlanRecord:
-    """The record of a finished budget.
-
-    Args:
-        budget: what the decisions of a plan promise together.
-        settings: values of FMU variables, by name.
-    """
-    return PlanRecord(
-        wanted=budget.wanted,
-        promised=budget.promised,
-        decisions=budget.decisions,
-        settings=dict(settings),
-    )

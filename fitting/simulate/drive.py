@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -86,19 +86,47 @@ class Drive:
         return _window(lines, settle_s, kept, highest, longest_s, self.grid)
 
     def run(
-        self, window: Window, settings: Mapping[str, Scalar], more: tuple[str, ...] = ()
+        self,
+        window: Window,
+        settings: Mapping[str, Scalar],
+        more: tuple[str, ...] = (),
+        held_s: float | None = None,
     ) -> Run:
         """The run of such a window with these further start values.
-
-        Outputs of `more` are read beside its own.
 
         Args:
             window: settling and samples of a run.
             settings: values of FMU variables, by name.
-            more: outputs to be read besides.
+            more: outputs to be read besides its own.
+            held_s: time over which an input is held, s; None: that of the window.
         """
-        outputs = (*self.outputs, *(name for name in more if name not in self.outputs))
-        return self._run(settings, window, outputs, window.input_step_s)
+        signal, moved = None, ""
+        segments: tuple[Segment, ...] = ()
+        values = {**self.start_values, **settings}
+        if self.input is not None:
+            rows = tuple((tone, self.amplitude, 0.0) for tone in self.tones_hz)
+            signal = InputSignal(self.input, rows, held_s or window.input_step_s)
+        if self.approach is not None:
+            moved, values[self.approach.name] = self.approach.name, self.approach.first
+            segments = (
+                Segment(
+                    value=self.approach.value,
+                    settle_s=window.settle_s,
+                    sample_step_s=window.step_s,
+                    samples=window.samples,
+                ),
+            )
+        return Run(
+            start_values=values,
+            settle_s=window.settle_s,
+            sample_step_s=window.step_s,
+            samples=window.samples,
+            outputs=(*self.outputs, *(name for name in more if name not in self.outputs)),
+            input_signal=signal,
+            moved=moved,
+            segments=segments,
+            longest_step_s=window.longest_s,
+        )
 
     def run_at(
         self, settings: Mapping[str, Scalar], settle_s: float, step_s: float, samples: int
@@ -130,42 +158,7 @@ class Drive:
             samples=samples,
             longest_s=self.grid.longest_s,
         )
-        return self._run(settings, times, self.outputs, held_s)
-
-    def _run(
-        self,
-        settings: Mapping[str, Scalar],
-        window: Window,
-        outputs: tuple[str, ...],
-        input_step_s: float,
-    ) -> Run:
-        signal, moved = None, ""
-        segments: tuple[Segment, ...] = ()
-        values = {**self.start_values, **settings}
-        if self.input is not None:
-            rows = tuple((tone, self.amplitude, 0.0) for tone in self.tones_hz)
-            signal = InputSignal(self.input, rows, input_step_s)
-        if self.approach is not None:
-            moved, values[self.approach.name] = self.approach.name, self.approach.first
-            segments = (
-                Segment(
-                    value=self.approach.value,
-                    settle_s=window.settle_s,
-                    sample_step_s=window.step_s,
-                    samples=window.samples,
-                ),
-            )
-        return Run(
-            start_values=values,
-            settle_s=window.settle_s,
-            sample_step_s=window.step_s,
-            samples=window.samples,
-            outputs=outputs,
-            input_signal=signal,
-            moved=moved,
-            segments=segments,
-            longest_step_s=window.longest_s,
-        )
+        return self.run(times, settings, held_s=held_s)
 
     def fit(self, window: Window) -> ToneFit:
         """The fit of the lines in the last samples of a run with that window.
@@ -192,22 +185,13 @@ def _window(
     whole_s = grid.whole_s(lines_hz)
     coherent = whole_s <= longest_s or (len(lines_hz) == 1 and not grid.step_s)
     mixtures_hz = mixed_hz(tones_hz, order) if coherent else ()
-    if grid.step_s:
-        result = window_on(
-            grid,
-            lines_hz,
-            settle_s,
-            samples_per_period=kept,
-            mixtures_hz=mixtures_hz,
-            longest_s=longest_s,
-        )
-    else:
-        result = plan_window(
-            lines_hz,
-            settle_s,
-            samples_per_period=kept,
-            mixtures_hz=mixtures_hz,
-            spare=SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1),
-            longest_s=longest_s,
-        )
+    spare = SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1)
+    plan = partial(window_on, grid) if grid.step_s else partial(plan_window, spare=spare)
+    result = plan(
+        lines_hz,
+        settle_s,
+        samples_per_period=kept,
+        mixtures_hz=mixtures_hz,
+        longest_s=longest_s,
+    )
     return replace(result, longest_s=grid.longest_s)

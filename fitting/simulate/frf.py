@@ -13,15 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.fmu import Run, Segment, row_times
+from fitting.fmu import FmuWorkers, Run, Segment, row_times
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.signal.combinations import USUAL_ORDER
 from fitting.signal.tones import ToneFit
 from fitting.signal.window import Window
+from fitting.simulate.batch import Workers
+from fitting.simulate.budget import Basis, Kind
 from fitting.simulate.drive import Approach, Drive
-from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.knowledge import FmuLike, knowledge_of
-from fitting.simulate.planner import MOST_WORK, PlanOptions, plan_drives
+from fitting.simulate.planner import MOST_WORK, DrivePlan, PlanOptions, plan_drives
+from fitting.simulate.probe import knowledge_of
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import convert
@@ -64,7 +65,9 @@ class Sweep:
             frequency_hz: frequency, Hz.
             first_hz: first frequency of a run, Hz.
         """
-        first, value = (self._in_unit(f) for f in (first_hz, frequency_hz))
+        first, value = (
+            convert(f, "Hz", self.tone_unit, where=self.tone) for f in (first_hz, frequency_hz)
+        )
         return Drive(
             start_values=self.start_values,
             tones_hz=(frequency_hz,),
@@ -72,9 +75,6 @@ class Sweep:
             highest_order=USUAL_ORDER,
             approach=Approach(self.tone, first, value),
         )
-
-    def _in_unit(self, frequency_hz: float) -> float:
-        return convert(frequency_hz, "Hz", self.tone_unit, where=self.tone)
 
 
 @dataclass(frozen=True)
@@ -119,46 +119,8 @@ class SweepResponse:
         return self.plan.budget.kept
 
 
-def plan_sweep(
-    workers: FmuLike,
-    sweep: Sweep,
-    accuracy: float | None = None,
-    *,
-    settle_s: float | None = None,
-    annotation: AccuracyAnnotation | None = None,
-    work: float | None = None,
-) -> DrivePlan:
-    """The plan on which `sweep` stands; its arguments and errors.
-
-    Args:
-        workers: processes that run the FMU.
-        sweep: tone, frequencies and output.
-        accuracy: relative error that is wanted; None: the usual one, or what the FMU can give.
-        settle_s: time before the first sample, s.
-        annotation: what the FMU says of its own accuracy.
-        work: communication steps and substeps of a run at most; None: some twenty seconds.
-    """
-    f = sweep.frequencies_hz
-    tried = [f[round(k * (len(f) - 1) / (TRIED - 1))] for k in range(TRIED)]
-    # from the far end of the sweep: further than any step of it
-    drives = [sweep.drive(u, f[0] if u > 0.5 * (f[0] + f[-1]) else f[-1]) for u in tried]
-    known = knowledge_of(workers.description, annotation)
-    # what a reduction leaves out is known at the points that are tried, and a sweep visits others
-    whole = replace(known.annotation, full={}, reductions=(), force=(), forbid=())
-    options = PlanOptions(
-        examples=True,
-        of_largest=True,
-        settle_s=settle_s,
-        fixed=frozenset(sweep.start_values),
-        usual=accuracy is None,
-        work=MOST_WORK if work is None else work,
-    )
-    wanted = USUAL_SWEEP_ACCURACY if accuracy is None else accuracy
-    return plan_drives(drives, wanted, workers, replace(known, annotation=whole), options)
-
-
 def sweep(
-    workers: FmuLike,
+    workers: FmuWorkers,
     what: Sweep,
     accuracy: float | None = None,
     *,
@@ -169,13 +131,13 @@ def sweep(
     """Plan a sweep of an FMU and take it each way that is asked for.
 
     Args:
-        workers: the running FMU, `fitting.fmu.FmuWorkers`.
+        workers: the running FMU.
         what: start values in the FMU's units, the parameter that is moved, frequencies in Hz.
         accuracy: wanted largest error of an amplitude, as a part of the largest amplitude; None:
             1e-4, or what the FMU can give.
         settle_s: time at each point in s; None: found by watching the amplitudes at some points,
             come to from the far end of the sweep.
-        annotation: which parameters set the solver's accuracy, where the FMU does not say so.
+        annotation: which parameters set the solver's accuracy, where the FMU does not declare it.
         work: communication steps and substeps of a run at most; None: some twenty seconds.
 
     Returns:
@@ -186,11 +148,36 @@ def sweep(
         BadInput: the tone cannot be moved during a run, or does not drive the output.
         FmuFailure: the FMU failed.
     """
-    plan = plan_sweep(workers, what, accuracy, settle_s=settle_s, annotation=annotation, work=work)
+    f = what.frequencies_hz
+    tried = [f[round(k * (len(f) - 1) / (TRIED - 1))] for k in range(TRIED)]
+    # from the far end of the sweep: further than any step of it
+    drives = [what.drive(u, f[0] if u > 0.5 * (f[0] + f[-1]) else f[-1]) for u in tried]
+    known = knowledge_of(workers.description, annotation)
+    # what a reduction leaves out is known at the points that are tried, and a sweep visits others
+    whole = replace(known.annotation, full={}, reductions=(), force=(), forbid=())
+    options = PlanOptions(
+        examples=True,
+        of_largest=True,
+        settle_s=settle_s,
+        fixed=frozenset(what.start_values),
+        usual=accuracy is None,
+        work=MOST_WORK if work is None else work,
+    )
+    wanted = USUAL_SWEEP_ACCURACY if accuracy is None else accuracy
+    plan = plan_drives(drives, wanted, workers, replace(known, annotation=whole), options)
+    [settling] = plan.budget.of(Kind.SETTLING)
+    if settling.basis is Basis.WATCHED:
+        # next to a maximum transients are larger than at points that are tried: in twice the time
+        # what is left of them is the square
+        numbers = {**settling.numbers, "settle_s": 2.0 * plan.settle_s}
+        longer = replace(settling, numbers=numbers)
+        decisions = tuple(longer if d is settling else d for d in plan.decisions)
+        budget = replace(plan.budget, decisions=decisions)
+        plan = replace(plan, settle_s=2.0 * plan.settle_s, budget=budget)
     return take_sweep(workers, what, plan)
 
 
-def take_sweep(workers: FmuLike, what: Sweep, plan: DrivePlan) -> SweepResponse:
+def take_sweep(workers: Workers, what: Sweep, plan: DrivePlan) -> SweepResponse:
     """Take a sweep as planned, each way that is asked for.
 
     Args:
@@ -208,14 +195,25 @@ def take_sweep(workers: FmuLike, what: Sweep, plan: DrivePlan) -> SweepResponse:
     for (direction, path), (run, windows), rows in zip(
         paths.items(), planned, answers, strict=True
     ):
-        result = _amplitudes(run, path, windows, rows[:, 0])
-        curves.append(Curve(direction, result if direction == "up" else result[::-1]))
+        # the samples of a run are those of its points, one window after the other
+        times, ends = np.array(row_times(run)), np.cumsum([w.samples for w in windows])
+        amplitudes = np.array(
+            [
+                float(ToneFit((f,), t)(samples).amplitudes[0])
+                for f, t, samples in zip(
+                    path, np.split(times, ends[:-1]), np.split(rows[:, 0], ends[:-1]), strict=True
+                )
+            ]
+        )
+        curves.append(Curve(direction, amplitudes if direction == "up" else amplitudes[::-1]))
+    difference: float | None = None
+    jumps: tuple[Jump, ...] = ()
+    if len(curves) > 1:
+        up, down = (next(c.amplitudes for c in curves if c.direction == d) for d in DIRECTIONS)
+        difference = float(np.max(np.abs(up - down)) / max(np.max(up), np.max(down)))
+        jumps = _jumps(what, up, down)
     return SweepResponse(
-        sweep=what,
-        plan=plan,
-        curves=tuple(curves),
-        jumps=_jumps(what, curves),
-        difference=_difference(curves),
+        sweep=what, plan=plan, curves=tuple(curves), jumps=jumps, difference=difference
     )
 
 
@@ -224,7 +222,6 @@ def _path_run(what: Sweep, path: Sequence[float], plan: DrivePlan) -> tuple[Run,
     grid = plan.drives[0].grid
     drives = [replace(what.drive(f, path[0]), grid=grid) for f in path]
     windows = [drive.window(plan.settle_s, plan.order, plan.longest_s) for drive in drives]
-    first, *rest = zip(drives, windows, strict=True)
     segments = tuple(
         Segment(
             value=d.approach.value,
@@ -232,50 +229,26 @@ def _path_run(what: Sweep, path: Sequence[float], plan: DrivePlan) -> tuple[Run,
             sample_step_s=w.step_s,
             samples=w.samples,
         )
-        for d, w in rest
+        for d, w in zip(drives[1:], windows[1:], strict=True)
         if d.approach
     )
-    return replace(first[0].run(first[1], plan.settings), segments=segments), windows
+    return replace(drives[0].run(windows[0], plan.settings), segments=segments), windows
 
 
-def _amplitudes(
-    run: Run, path: Sequence[float], windows: Sequence[Window], samples: FloatArray
-) -> FloatArray:
-    """Amplitude at every point of a path, by the tone in its samples."""
-    times, begin, result = np.array(row_times(run)), 0, []
-    for f, window in zip(path, windows, strict=True):
-        end = begin + window.samples
-        fit = ToneFit((f,), times[begin:end])
-        result.append(float(fit(samples[begin:end]).amplitudes[0]))
-        begin = end
-    return np.array(result)
-
-
-def _jumps(what: Sweep, curves: Sequence[Curve]) -> tuple[Jump, ...]:
+def _jumps(what: Sweep, up: FloatArray, down: FloatArray) -> tuple[Jump, ...]:
     """Where each way leaves its branch: upwards at the upper end of what differs, else the lower.
 
     Of several stretches that differ the widest counts.
     """
-    if len(curves) < 2:
-        return ()
-    up, down = (next(c.amplitudes for c in curves if c.direction == d) for d in DIRECTIONS)
     apart = np.abs(up - down) > APART * np.maximum(up, down)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], apart, [False]]).astype(int)))
     if edges.size == 0:
         return ()
     stretches = edges.reshape(-1, 2)  # from the first that differs to the first that does not
     first, last = stretches[int(np.argmax(stretches[:, 1] - stretches[:, 0]))]
-    f = what.frequencies_hz
-    jumps = []
+    f, jumps = what.frequencies_hz, []
     if last < len(f):
         jumps.append(Jump("up", f[last - 1], f[last]))
     if first > 0:
         jumps.append(Jump("down", f[first - 1], f[first]))
     return tuple(jumps)
-
-
-def _difference(curves: Sequence[Curve]) -> float | None:
-    if len(curves) < 2:
-        return None
-    a, b = (curve.amplitudes for curve in curves)
-    return float(np.max(np.abs(a - b)) / max(np.max(a), np.max(b)))

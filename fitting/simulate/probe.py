@@ -1,24 +1,32 @@
 """What a plan looks at: drives run with this or that setting, and read at their tones.
 
-What runs cost is counted, not timed: communication steps, and substeps where the FMU takes any.
-The same plan then comes out of any machine, busy or not.
+What runs cost is counted: communication steps, and substeps where the FMU takes any. The same plan
+then comes out of any machine, busy or not. What a reduction saves is timed: processor time of the
+FMU's process and of the thread that asks, while no other thread drives it; two settings in turn,
+always as often, so that a plan takes the same runs everywhere; long runs at their beginning, and
+reckoned up by their counted steps.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
-from fitting.fmu import Run, row_times
+from fitting.fmu import FmuDescription, Run, read_accuracy_annotation, row_times
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.runs import communication_steps
+from fitting.fmu.variables import VariableLike
 from fitting.signal.grid import Grid
 from fitting.signal.window import LONGEST_WINDOW_S, Window
 from fitting.simulate.batch import Workers
-from fitting.simulate.cost import cost_ratio
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
@@ -53,6 +61,75 @@ TIMED, MOST_TIMED = 4e3, 4
 #: Looks by which it shows whether amplitudes repeat, how far apart they are in periods, and the
 #: held steps in a period that tell these times apart.
 SHIFTS, SHIFT, FINEST = 9, 0.01, 100
+#: A reduction is taken where an evaluation then takes less than this part of the processor time.
+CHEAPER = 0.8
+#: Pairs that are timed.
+PAIRS = 7
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of an FMU: how it is made accurate, and its variables by name.
+
+    `step_s` is the step that it was made for (None: it declares none), and `fixed_step` whether its
+    solver takes no other; `exchange`: its equations are integrated here, and an input is no
+    staircase.
+    """
+
+    annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
+    variables: Mapping[str, VariableLike] = field(default_factory=dict)
+    step_s: float | None = None
+    fixed_step: bool = False
+    exchange: bool = False
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the FMU names no parameter that sets its accuracy."""
+        return self.annotation.substep is None and self.annotation.tolerance is None
+
+
+def knowledge_of(
+    description: FmuDescription, annotation: AccuracyAnnotation | None = None
+) -> Knowledge:
+    """What an FMU declares of itself, where `annotation` does not state otherwise.
+
+    Args:
+        description: of the FMU.
+        annotation: what the FMU states of its own accuracy.
+
+    Raises:
+        BadInput: annotation that name variables which the FMU does not have.
+    """
+    merged = (annotation or AccuracyAnnotation()).over(read_accuracy_annotation(description))
+    names = [name for name in (merged.tolerance, merged.substep) if name is not None]
+    for name in (*names, *merged.full, *(name for r in merged.reductions for name in r.set)):
+        description.variable(name)
+    return Knowledge(
+        merged,
+        description.settable,
+        step_s=description.step_s,
+        fixed_step=description.fixed_step,
+        exchange=description.exchange is not None,
+    )
+
+
+def attempt(trial: Callable[[], Result]) -> Result | None:
+    """What a trial of the FMU gives; None where it fails, as with steps too long for its solver.
+
+    Args:
+        trial: runs the FMU with a setting that it may refuse.
+
+    Raises:
+        NoAnswer: the FMU does not answer; another trial would cost as much time.
+    """
+    try:
+        return trial()
+    except NoAnswer:
+        raise
+    except FmuFailure:
+        return None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,31 +182,56 @@ def _largest(values: FloatArray) -> float:
 class Probe:
     """Runs of some drives; answers are kept for who asks again.
 
-    `substep` and `tolerance` name the parameters that bound the FMU's substep and error;
-    `exchange`: its equations are integrated here. With `of_largest` errors are relative to the
-    largest amplitude of all drives, else to each amplitude.
+    With `of_largest` errors are relative to the largest amplitude of all drives, else to each
+    amplitude. Common periods beyond `longest_s` are given up for a tone fit.
     """
 
     drives: tuple[Drive, ...]
     workers: Workers
+    known: Knowledge = field(default_factory=Knowledge)
     _: KW_ONLY
-    substep: str | None = None
-    tolerance: str | None = None
     of_largest: bool = False
-    exchange: bool = False
     longest_s: float = LONGEST_WINDOW_S
-    _kept: dict[object, list[Reading]] = field(default_factory=dict)
+    _readings: dict[object, list[Reading]] = field(default_factory=dict)
     _acting: dict[object, bool] = field(default_factory=dict)
-
-    @property
-    def foreign(self) -> bool:
-        """Whether the FMU names no parameter that sets its accuracy."""
-        return self.substep is None and self.tolerance is None
 
     @property
     def fastest_hz(self) -> float:
         """The fastest line of all drives, Hz."""
         return max(drive.fastest_hz for drive in self.drives)
+
+    def with_drives(self, drives: tuple[Drive, ...]) -> Probe:
+        """The same of other drives, of which nothing is known yet.
+
+        Args:
+            drives: each with tones and amplitudes.
+        """
+        return replace(self, drives=drives, _readings={}, _acting={})
+
+    def on(self, grid: Grid) -> Probe:
+        """The same drives, sampled at the times of a grid.
+
+        Args:
+            grid: at which times the FMU is asked.
+        """
+        return self.with_drives(tuple(replace(drive, grid=grid) for drive in self.drives))
+
+    # -- runs and what is read of them ----------------------------------------------------------
+
+    def windows(self, settle_s: float, order: int = 1) -> list[Window]:
+        """When each drive is sampled after that time.
+
+        Args:
+            settle_s: time before the first sample, s.
+            order: highest sum of the absolute factors of combinations kept off the tones.
+        """
+        return [drive.window(settle_s, order, self.longest_s) for drive in self.drives]
+
+    def _runs(
+        self, settings: Mapping[str, Scalar], windows: Sequence[Window], more: tuple[str, ...] = ()
+    ) -> list[Run]:
+        pairs = zip(self.drives, windows, strict=True)
+        return [drive.run(window, settings, more) for drive, window in pairs]
 
     def read(
         self, settings: Mapping[str, Scalar], settle_s: float, order: int = 1
@@ -142,14 +244,11 @@ class Probe:
             order: highest sum of the absolute factors.
         """
         key = (_key(settings), settle_s, order)
-        if key not in self._kept:
-            windows = [drive.window(settle_s, order, self.longest_s) for drive in self.drives]
-            pairs = list(zip(self.drives, windows, strict=True))
-            answers = self.workers.run([drive.run(w, settings) for drive, w in pairs])
-            self._kept[key] = [
-                _reading(d, w, values) for (d, w), values in zip(pairs, answers, strict=True)
-            ]
-        return self._kept[key]
+        if key not in self._readings:
+            windows = self.windows(settle_s, order)
+            answers = self.workers.run(self._runs(settings, windows))
+            self._readings[key] = list(map(_reading, self.drives, windows, answers))
+        return self._readings[key]
 
     def largest(self, settings: Mapping[str, Scalar], settle_s: float, output: str) -> float:
         """Largest size of a further output at the samples of every drive.
@@ -159,10 +258,7 @@ class Probe:
             settle_s: time before the first sample, s.
             output: name of the output.
         """
-        runs = [
-            drive.run(drive.window(settle_s, 1, self.longest_s), settings, (output,))
-            for drive in self.drives
-        ]
+        runs = self._runs(settings, self.windows(settle_s), (output,))
         answers = self.workers.run(runs)
         columns = [run.outputs.index(output) for run in runs]
         return max(float(np.max(np.abs(a[:, k]))) for a, k in zip(answers, columns, strict=True))
@@ -174,11 +270,9 @@ class Probe:
             after: readings with the change, one per drive.
             before: readings without the change, one per drive.
         """
-        result = [
-            np.abs(a.tones - b.tones) + np.abs(a.rest - b.rest)
-            for a, b in zip(after, before, strict=True)
-        ]
-        return self._relative(result, after)
+        pairs = zip(after, before, strict=True)
+        sizes = [np.abs(a.tones - b.tones) + np.abs(a.rest - b.rest) for a, b in pairs]
+        return self._relative(sizes, after)
 
     def errors(self, result: Sequence[Reading], truth: Sequence[Reading]) -> float:
         """Largest difference of what is read: of amplitudes, or of amplitudes and phases.
@@ -200,91 +294,56 @@ class Probe:
             amplitudes = [np.where(np.isnan(a), np.nan, top) for a in amplitudes]
         return max(_largest(s / a) for s, a in zip(sizes, amplitudes, strict=True))
 
-    def finer_input(self, most: int) -> bool:
-        """Hold generated inputs over half the time from now on; False where that is too fine.
-
-        Args:
-            most: steps in a period of the fastest tone at most.
-        """
-        steps = [drive.steps_per_period for drive in self.drives if drive.input is not None]
-        if not steps or 2 * max(steps) > most:
-            return False
-        self.go_on(tuple(replace(d, steps_per_period=2 * d.steps_per_period) for d in self.drives))
-        return True
-
-    def held_per_period(self, settle_s: float) -> int | None:
-        """Held steps in a period of the fastest tone, at most; None: as many as the FMU has itself.
-
-        Args:
-            settle_s: time before the first sample, s.
-        """
-        if not self.drives[0].grid.step_s:
-            return max(drive.steps_per_period for drive in self.drives)
-        windows = [d.window(settle_s, 1, self.longest_s) for d in self.drives if d.input]
-        if all(w.input_step_s <= d.grid.step_s for w, d in zip(windows, self.drives, strict=True)):
-            return None
-        return max(int(1.0 / (w.input_step_s * max(w.tones_hz))) for w in windows)
-
-    def on(self, grid: Grid) -> Probe:
-        """The same drives, asked at the times of a grid.
-
-        Args:
-            grid: at which times the FMU is asked.
-        """
-        drives = tuple(replace(drive, grid=grid) for drive in self.drives)
-        return replace(self, drives=drives, _kept={}, _acting={})
-
     def repetition(self, settings: Mapping[str, Scalar], settle_s: float) -> float:
         """How far amplitudes repeat at times some hundredths of a period apart.
 
         What moves with time, a transient or a line beside the tones, does so smoothly over so short
-        a time, and a parabola through its phasors is taken off; what is left is no motion.
+        a time, and a parabola through its phasors is taken off; what remains is no motion.
 
         Args:
             settings: values of FMU variables, by name.
             settle_s: time before the first sample, s.
         """
-        finest = tuple(
-            replace(d, steps_per_period=max(d.steps_per_period, FINEST)) for d in self.drives
-        )
-        look = replace(self, drives=finest, _kept={}, _acting={})
-        shifts = np.arange(SHIFTS, dtype=float)
+        finest = [replace(d, steps_per_period=max(d.steps_per_period, FINEST)) for d in self.drives]
+        probe, shifts = self.with_drives(tuple(finest)), np.arange(SHIFTS, dtype=float)
         observed = [
-            look.read(settings, settle_s + k * SHIFT / self.fastest_hz) for k in range(SHIFTS)
+            probe.read(settings, settle_s + k * SHIFT / self.fastest_hz) for k in range(SHIFTS)
         ]
         powers = np.vander(shifts, 3)
-        left = np.eye(SHIFTS) - powers @ np.linalg.pinv(powers)
-        result = []
+        projector = np.eye(SHIFTS) - powers @ np.linalg.pinv(powers)
+        sizes = []
         for readings in zip(*observed, strict=True):
             tones = np.stack([reading.tones for reading in readings])
-            rest = np.abs(np.tensordot(left, tones, axes=1)).max(axis=0)
-            result.append(rest * math.sqrt(SHIFTS / (SHIFTS - 3)))
-        return self._relative(result, observed[-1])
+            rest = np.abs(np.tensordot(projector, tones, axes=1)).max(axis=0)
+            sizes.append(rest * math.sqrt(SHIFTS / (SHIFTS - 3)))
+        return self._relative(sizes, observed[-1])
 
-    def go_on(self, drives: tuple[Drive, ...]) -> None:
-        """Look at these drives from now on; what was read of others is forgotten.
+    # -- windows --------------------------------------------------------------------------------
 
-        Args:
-            drives: each with tones and amplitudes.
-        """
-        self.drives = drives
-        self._kept.clear()
-
-    def length_s(self, drive: Drive) -> float:
-        """Length of the window of a drive, s.
+    def shorten_windows(self, settings: Mapping[str, Scalar]) -> None:
+        """Give up common periods that are much longer than the beats, where time costs.
 
         Args:
-            drive: tones and amplitudes that drive.
+            settings: values of FMU variables, by name.
         """
-        return drive.window(0.0, 1, self.longest_s).length_s
+        for drive in self.drives:
+            lines = drive.lines_hz
+            gaps = [abs(a - b) for i, a in enumerate(lines) for b in lines[:i]]
+            if not gaps or not min(gaps) > 0.0:
+                continue
+            period, beats = float(drive.grid.whole_s(lines)), BEATS / min(gaps)
+            if period > beats and self.substeps_per_s(settings) * period > COSTLY:
+                self.longest_s = min(self.longest_s, beats)
 
     def common_length_s(self) -> float | None:
         """Length of the longest window where it is whole windows of every drive, s; else None."""
-        windows = [drive.window(0.0, 1, self.longest_s) for drive in self.drives]
+        windows = self.windows(0.0)
         longest_s = max(window.length_s for window in windows)
         counts = [longest_s / window.length_s for window in windows]
         whole = all(abs(count - round(count)) < WHOLE for count in counts)
         return longest_s if whole and all(window.coherent for window in windows) else None
+
+    # -- what a run costs -----------------------------------------------------------------------
 
     def work(self, settings: Mapping[str, Scalar], settle_s: float) -> float:
         """What the longest run with this time to settle costs: communication steps and substeps.
@@ -294,8 +353,17 @@ class Probe:
             settle_s: time before the first sample, s.
         """
         rate = self.substeps_per_s(settings)
-        runs = [d.run(d.window(settle_s, 1, self.longest_s), settings) for d in self.drives]
-        return max(_communication_steps(run) + row_times(run)[-1] * rate for run in runs)
+        result = []
+        for run in self._runs(settings, self.windows(settle_s)):
+            end_s = row_times(run)[-1]
+            if run.input_signal is not None:
+                steps = round(end_s / run.input_signal.step_s)
+            elif run.longest_step_s:
+                steps = communication_steps(run)
+            else:
+                steps = run.rows + 1 + len(run.segments)
+            result.append(steps + end_s * rate)
+        return max(result)
 
     def cost_ratio(
         self,
@@ -315,8 +383,7 @@ class Probe:
         for power, (settings, settle_s) in ((1.0, reduced), (-1.0, whole)):
             work = self.work(settings, settle_s)
             if work <= TIMED:
-                windows = [drive.window(settle_s, 1, self.longest_s) for drive in timed]
-                runs = [d.run(w, settings) for d, w in zip(timed, windows, strict=True)]
+                runs = self._runs(settings, self.windows(settle_s))[:MOST_TIMED]
             else:
                 rate, step_s = self.substeps_per_s(settings), 1.0 / (FINEST * self.fastest_hz)
                 runs = [d.run_at(settings, TIMED / rate, step_s, 2) for d in timed]
@@ -325,61 +392,40 @@ class Probe:
         ratio = cost_ratio(self.workers, *evaluations)
         return None if ratio is None else scale * ratio
 
+    def substeps_per_s(self, settings: Mapping[str, Scalar]) -> float:
+        """Substeps that the FMU takes in a second of its time, counted by a fixed rule.
+
+        Args:
+            settings: values of FMU variables, by name.
+        """
+        substep, tolerance = self.known.annotation.substep, self.known.annotation.tolerance
+        if own_s := self.drives[0].grid.step_s:
+            return 1.0 / own_s
+        if self.known.exchange:
+            integrated = tolerance and self._acts(settings, tolerance, TOLERANCES)
+            return (EXCHANGED if integrated else LINEAR) * self.fastest_hz
+        if substep is not None and self.acts_as_substep(settings):
+            value = {**self.drives[0].start_values, **settings}.get(substep)
+            return 1.0 / float(value) if value else SUBSTEPS * self.fastest_hz
+        if tolerance is None:
+            # a tenth of a step in a period where nothing is named; no steps where what is named
+            # does not act
+            return UNNAMED * self.fastest_hz if substep is None else 0.0
+        if not self._acts(settings, tolerance, TOLERANCES):
+            return 0.0
+        # steps that a solver chooses follow the fastest beat; at most twice those of substeps
+        span_hz = max(max(drive.tones_hz) - min(drive.tones_hz) for drive in self.drives)
+        beats = min(BEAT_STEPS * span_hz, 2.0 * SUBSTEPS * self.fastest_hz)
+        return UNNAMED * self.fastest_hz + beats
+
     def acts_as_substep(self, settings: Mapping[str, Scalar]) -> bool:
         """Whether the parameter that is called a substep changes anything with these settings.
 
         Args:
             settings: values of FMU variables, by name.
         """
-        coarse = 1.0 / (SUBSTEPS * self.fastest_hz)
-        return self.substep is not None and self._acts(
-            settings, self.substep, (coarse, 0.5 * coarse)
-        )
-
-    def substeps_per_s(self, settings: Mapping[str, Scalar]) -> float:
-        """Substeps that the FMU takes in a second of its time, counted by a fixed rule.
-
-        One over the step of its own, where it has one; where its equations are solved here, what
-        was measured of that; one over its substep where that acts under
-        these settings; nothing where neither that nor
-        its tolerance does; else, and where the FMU names neither, a tenth of a step in a period of
-        the fastest tone, and where its tolerance acts the steps in the fastest beat besides, at
-        most twice those of substeps.
-
-        Args:
-            settings: values of FMU variables, by name.
-        """
-        own_s = self.drives[0].grid.step_s
-        if own_s:
-            return 1.0 / own_s
-        if self.exchange:
-            integrated = self.tolerance and self._acts(settings, self.tolerance, TOLERANCES)
-            return (EXCHANGED if integrated else LINEAR) * self.fastest_hz
-        if self.substep is not None and self.acts_as_substep(settings):
-            value = {**self.drives[0].start_values, **settings}.get(self.substep)
-            return 1.0 / float(value) if value else SUBSTEPS * self.fastest_hz
-        if self.tolerance is not None:
-            if not self._acts(settings, self.tolerance, TOLERANCES):
-                return 0.0
-            span_hz = max(max(drive.tones_hz) - min(drive.tones_hz) for drive in self.drives)
-            beats = min(BEAT_STEPS * span_hz, 2.0 * SUBSTEPS * self.fastest_hz)
-            return UNNAMED * self.fastest_hz + beats
-        return UNNAMED * self.fastest_hz if self.substep is None else 0.0
-
-    def shorten_windows(self, settings: Mapping[str, Scalar]) -> None:
-        """Give up common periods that are much longer than the beats, where time costs.
-
-        Args:
-            settings: values of FMU variables, by name.
-        """
-        for drive in self.drives:
-            lines = drive.lines_hz
-            gaps = [abs(a - b) for i, a in enumerate(lines) for b in lines[:i]]
-            if not gaps or not min(gaps) > 0.0:
-                continue
-            period, beats = float(drive.grid.whole_s(lines)), BEATS / min(gaps)
-            if period > beats and self.substeps_per_s(settings) * period > COSTLY:
-                self.longest_s = min(self.longest_s, beats)
+        name, coarse = self.known.annotation.substep, 1.0 / (SUBSTEPS * self.fastest_hz)
+        return name is not None and self._acts(settings, name, (coarse, 0.5 * coarse))
 
     def substep_error(self, settings: Mapping[str, Scalar], value: float) -> float:
         """Change of a short run by half a substep, over its largest value; infinite: one fails.
@@ -388,39 +434,32 @@ class Probe:
             settings: values of FMU variables, by name.
             value: of the substep, in its unit.
         """
-        try:
-            a, b = self._short_runs(settings, str(self.substep), (value, 0.5 * value))
-        except NoAnswer:
-            raise
-        except FmuFailure:  # too long a substep, for one
+        runs = self._short_runs(settings, str(self.known.annotation.substep), (value, 0.5 * value))
+        if runs is None:
             return math.inf
-        largest = float(np.max(np.abs(b)))
-        change = float(np.max(np.abs(a - b)))
+        largest = float(np.max(np.abs(runs[1])))
+        change = float(np.max(np.abs(runs[0] - runs[1])))
         return change / largest if largest > 0.0 and math.isfinite(change) else math.inf
 
     def _short_runs(
         self, settings: Mapping[str, Scalar], name: str, values: tuple[float, float]
-    ) -> list[FloatArray]:
-        """Short runs with each of these values of a solver's parameter."""
+    ) -> list[FloatArray] | None:
+        """Short runs with each of these values of a solver's parameter; None: one fails."""
         drive = self.drives[0]
         tone = drive.fastest_hz
         # the window of one tone is short, whatever the others are
         one = replace(drive, tones_hz=(tone,), read_hz=(), highest_order=1)
         window = one.window(TRIAL_PERIODS / tone)
-        return self.workers.run([one.run(window, {**settings, name: v}) for v in values])
+        runs = [one.run(window, {**settings, name: v}) for v in values]
+        return attempt(partial(self.workers.run, runs))
 
     def _acts(self, settings: Mapping[str, Scalar], name: str, values: tuple[float, float]) -> bool:
-        """Whether a short run with these values of a solver's parameter differs in any bit."""
+        """Whether a short run with these values differs in any bit, or fails with one of them."""
         others = {key: value for key, value in settings.items() if key != name}
         key = name, _key(others)
         if key not in self._acting:
-            try:
-                a, b = self._short_runs(others, name, values)
-                self._acting[key] = a.tobytes() != b.tobytes()
-            except NoAnswer:
-                raise
-            except FmuFailure:  # too long a substep, for one
-                self._acting[key] = True
+            runs = self._short_runs(others, name, values)
+            self._acting[key] = runs is None or runs[0].tobytes() != runs[1].tobytes()
         return self._acting[key]
 
 
@@ -441,13 +480,41 @@ def _reading(drive: Drive, window: Window, values: FloatArray) -> Reading:
     )
 
 
-def _communication_steps(run: Run) -> int:
-    if run.input_signal is not None:
-        return round(row_times(run)[-1] / run.input_signal.step_s)
-    if run.longest_step_s:
-        return communication_steps(run)
-    return run.rows + 1 + len(run.segments)
-
-
 def _key(settings: Mapping[str, Scalar]) -> tuple[tuple[str, Scalar], ...]:
     return tuple(sorted(settings.items()))
+
+
+def processor_s(workers: Workers) -> float | None:
+    """Processor time so far of the FMU's processes and this thread, s; None: it is not reported.
+
+    Args:
+        workers: processes that run the FMU.
+    """
+    counts: Any = getattr(workers, "counts", None)
+    return None if counts is None else counts.processor_s + time.thread_time()
+
+
+def cost_ratio(
+    workers: Workers, reduced: Callable[[], object], whole: Callable[[], object]
+) -> float | None:
+    """Processor time of one evaluation over that of another, a median; None: it is not reported.
+
+    Args:
+        workers: processes that run the FMU, in which both spend their time.
+        reduced: evaluates one setting.
+        whole: evaluates the other.
+    """
+
+    def timed(evaluate: Callable[[], object]) -> float:
+        before = processor_s(workers)
+        evaluate()
+        after = processor_s(workers)
+        return 0.0 if before is None or after is None else after - before
+
+    if processor_s(workers) is None:
+        return None
+    alone: Any = getattr(workers, "alone", nullcontext)
+    with alone():
+        reduced(), whole()  # the first run with other settings does more
+        pairs = [(timed(reduced), timed(whole)) for _ in range(PAIRS)]
+    return statistics.median(one / other if other > 0.0 else 1.0 for one, other in pairs)

@@ -5,25 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
-from fitting.fmu import Run, row_times
+from fitting.fmu import FmuVariable, FmuWorkers, Run, row_times
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.signal.combinations import USUAL_ORDER, mixed_lines
 from fitting.signal.grid import band_on
 from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band
-from fitting.signal.tones import exact, fit_tones, tones_in_words, unit_hint
+from fitting.signal.tones import ToneFit, exact, fit_tones, tones_in_words, unit_hint
 from fitting.signal.window import LONGEST_WINDOW_S
 from fitting.simulate.batch import Workers
+from fitting.simulate.budget import Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan, constants_of
-from fitting.simulate.knowledge import FmuLike, knowledge_of
-from fitting.simulate.planner import MOST_WORK, PlanOptions, plan_drives
-from fitting.simulate.unsteady import Remainder, RemainderKind, strongest_other_line
-from fitting.text.arrays import BoolArray, FloatArray
+from fitting.simulate.planner import MOST_WORK, DrivePlan, PlanOptions, plan_drives
+from fitting.simulate.probe import attempt, knowledge_of
+from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.units import convert, same_kind
 
 #: Wanted accuracy where none is given.
 USUAL_ACCURACY = 1e-6
@@ -38,6 +40,17 @@ BESIDE = 1e-6  # of the largest peak: what is more than that beside the tones ne
 SMALL = 1e-8  # of the largest peak: what is less than that is rounding
 EPS = float(np.finfo(float).eps)
 ROUNDING = 10.0 * EPS  # of the largest value: lines of an FFT that are nothing else
+#: Samples of the look, and those in a period of the fastest tone: no ratio of small numbers.
+LONG_SAMPLES, PER_PERIOD = 8192, 4.618034
+#: Bins on both sides of a tone that its own taper fills.
+TAPERED = 3
+#: A line that is less than this part of what amplitudes may be off by does not explain it.
+EXPLAINS = 0.02
+#: Parameters that are tried for a missing damping, their values, for rates as parts of the line's
+#: frequency, and what is left of a line that decays.
+MOST_TRIED, TRIED, TRIED_HZ, DECAYED = 12, 1e-3, 1e-4, 0.5
+#: A distance is that of a parameter where the two are the same within this part of a bin.
+SAME = 0.5
 
 
 @dataclass(frozen=True)
@@ -83,6 +96,34 @@ class MixedLine:
     amplitudes: FloatArray
 
 
+class RemainderKind(StrEnum):
+    """What there is beside the tones."""
+
+    UNEXPLAINED = "unexplained"  # a line at no combination of the tones
+    UNKNOWN = "unknown"  # what a fit leaves, of which no frequency is known
+    COMBINATION = "combination"
+    SMALL = "small"  # within the plan's promise: rounding, or the rest of a transient
+    ROUNDING = "rounding"
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """The most that a response holds beside the tones, as a share of the largest peak.
+
+    `at_hz`: where that is, `bin_hz`: to how much that is known, Hz (NaN: not known).
+    """
+
+    kind: RemainderKind
+    share: float
+    at_hz: float = math.nan
+    bin_hz: float = math.nan
+
+    @property
+    def explained(self) -> bool:
+        """Whether a steady response to the tones has that."""
+        return self.kind not in (RemainderKind.UNEXPLAINED, RemainderKind.UNKNOWN)
+
+
 @dataclass(frozen=True, kw_only=True)
 class DriveResponse:
     """What came of a drive.
@@ -118,7 +159,7 @@ class DriveResponse:
 
 
 def plan_drive(  # noqa: PLR0913 - keywords that all have defaults
-    workers: FmuLike,
+    workers: FmuWorkers,
     drive: Drive,
     accuracy: float | None = None,
     *,
@@ -127,16 +168,24 @@ def plan_drive(  # noqa: PLR0913 - keywords that all have defaults
     shown: Shown | None = None,
     work: float | None = None,
 ) -> DrivePlan:
-    """The plan on which `simulate` stands; its arguments and errors.
+    """Plan one drive of an FMU.
 
     Args:
-        workers: processes that run the FMU.
-        drive: tones and amplitudes that drive.
-        accuracy: relative error that is wanted; None: the usual one, or what the FMU can give.
-        settle_s: time before the first sample, s.
-        annotation: what the FMU says of its own accuracy.
-        shown: the window that is kept as samples, None for none.
+        workers: the running FMU.
+        drive: start values in the FMU's units, tones in Hz, outputs; what it sets is left as it is.
+        accuracy: wanted largest relative error of an amplitude, between 0 and 1; None: 1e-6, or
+            what the FMU can give.
+        settle_s: time before sampling in s; None: found by watching the amplitudes. What a given
+            time leaves of the transient is a part of the promise.
+        annotation: how the FMU is made accurate, and reductions to force or forbid, where it is not
+            to be taken from the FMU's own annotation.
+        shown: window in s and number of samples of the spectrum.
         work: communication steps and substeps of a run at most; None: some twenty seconds.
+
+    Raises:
+        BadInput: tones and window do not go together, no output oscillates, names that the FMU
+            does not have.
+        FmuFailure: the FMU failed.
     """
     _band(drive, shown or Shown())  # what cannot be shown is refused before it is planned
     options = PlanOptions(
@@ -150,88 +199,57 @@ def plan_drive(  # noqa: PLR0913 - keywords that all have defaults
     return plan_drives((drive,), wanted, workers, known, options)
 
 
-def simulate(
-    workers: FmuLike,
-    drive: Drive,
-    accuracy: float | None = None,
-    *,
-    settle_s: float | None = None,
-    annotation: AccuracyAnnotation | None = None,
-    shown: Shown | None = None,
-) -> DriveResponse:
-    """Plan, run and read one drive of an FMU.
-
-    Args:
-        workers: the running FMU, `fitting.fmu.FmuWorkers`.
-        drive: start values in the FMU's units, tones in Hz, outputs; what it sets is left as it is.
-        accuracy: wanted largest relative error of an amplitude, between 0 and 1; None: 1e-6, or
-            what the FMU can give.
-        settle_s: time before sampling in s; None: found by watching the amplitudes. What a given
-            time leaves of the transient is a part of the promise.
-        annotation: how the FMU is told to be accurate, and reductions to force or forbid, where it
-            is not to be taken from the FMU's own annotation.
-        shown: window in s and number of samples of the spectrum.
-
-    Returns:
-        Amplitudes at the tones with the plan that promises them, spectrum, lines at combinations
-        of the tones, traces. Where the accuracy cannot be promised, the plan says what can.
-
-    Raises:
-        BadInput: tones and window do not go together, no output oscillates, names that the FMU
-            does not have.
-        FmuFailure: the FMU failed.
-    """
-    plan = plan_drive(
-        workers, drive, accuracy, settle_s=settle_s, annotation=annotation, shown=shown
-    )
-    return respond(workers, plan, shown)
-
-
 def respond(workers: Workers, plan: DrivePlan, shown: Shown | None = None) -> DriveResponse:
-    """Run and read what was planned for one drive, and what is shown beside it.
+    """Run and read what was planned for one drive, and what is shown with it.
 
     Args:
         workers: processes that run the FMU.
         plan: settings, settling and windows, with what they promise.
-        shown: the window that is kept as samples, None for none.
+        shown: window in s and number of samples of the spectrum.
+
+    Returns:
+        Amplitudes at the tones with the plan that promises them, spectrum, lines at combinations
+        of the tones, traces. Where the accuracy cannot be promised, the plan states what can.
     """
-    drive, shown = plan.drives[0], shown or Shown()
+    drive, reading, shown = plan.drives[0], plan.readings[0], shown or Shown()
     band, coherent = _band(drive, shown)
-    settle_s = plan.settle_s
-    runs = [*plan.runs, drive.run_at(plan.settings, settle_s, band.step_s, band.samples)]
-    beating = _beating_run(plan)
-    answers = workers.run([*runs, *([beating] if beating else [])])
-    lines = _lines(drive, band, coherent, runs[1], answers[1])
-    trace = _trace(beating, answers[2]) if beating else None
-    constant = plan.readings[0].constant
-    carrier = _carrier_run(plan, trace, constant.index(False))
-    rounding = 2.0 * math.pi * max(drive.tones_hz) * (settle_s + float(band.window_s)) * EPS
-    frequencies_hz, amplitudes = _spectrum(band, coherent, answers[1])
+    run = drive.run_at(plan.settings, plan.settle_s, band.step_s, band.samples)
+    planned, values = workers.run([*plan.runs, run])
+    peaks = plan.read(planned)
+    beating, carrier = _traces(workers, plan)
+    # the phase of a tone is known to the rounding of the time
+    end_s = plan.settle_s + float(band.window_s)
+    rounding = 2.0 * math.pi * max(drive.tones_hz) * end_s * EPS
+    remainder = _remainder(plan, band if coherent else None, run, values, rounding)
+    other = None if plan.settles else strongest_other_line(workers, plan)
+    if other is not None and (remainder.explained or other.share > remainder.share):
+        remainder = other
+    frequencies_hz = band.frequencies_hz()
+    amplitudes = amplitude_spectrum(values if coherent else values * hann(len(values)))
+    upwards = 1 if frequencies_hz[0] <= frequencies_hz[-1] else -1  # odd zones are seen mirrored
     spectrum = Spectrum(
-        frequencies_hz=frequencies_hz,
-        amplitudes=amplitudes,
+        frequencies_hz=frequencies_hz[::upwards],
+        amplitudes=amplitudes[::upwards],
         window_s=float(band.window_s),
         samples=band.samples,
         coherent=coherent,
         bins=band.bins(),
         rounding=rounding,
     )
-    peaks = plan.read(answers[0])
-    other = None if plan.settles else strongest_other_line(workers, plan)
-    remainder = _remainder(lines, np.array(constant), rounding, plan.promised)
-    if other is not None and (remainder.explained or other.share > remainder.share):
-        remainder = other
+    # where an output does not oscillate no line is large
+    oscillating = np.where(reading.constant, np.inf, peaks)
+    means = zip(drive.outputs, reading.constant, reading.mean.tolist(), strict=True)
     return DriveResponse(
         drive=replace(drive, start_values={**drive.start_values, **plan.settings}),
         plan=plan,
         peaks=peaks,
         spectrum=spectrum,
-        lines=_mixed_lines(drive, spectrum, _oscillating(peaks, constant), plan.promised),
+        lines=_mixed_lines(drive, spectrum, oscillating, plan.promised),
         remainder=remainder,
         other_line=other,
-        beating=trace,
-        carrier=_trace(carrier, workers.run([carrier])[0]),
-        constants=constants_of(drive, plan.readings[0]),
+        beating=beating,
+        carrier=carrier,
+        constants={name: mean for name, constant, mean in means if constant},
     )
 
 
@@ -272,86 +290,41 @@ def _rounded_band(tones: tuple[float, ...], shown: Shown) -> Band:
     ) from cause
 
 
-def _spectrum(band: Band, coherent: bool, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Frequencies, ascending, and amplitudes."""
-    if not coherent:
-        taper = 1.0 - np.cos(2.0 * np.pi * np.arange(len(values)) / len(values))
-        values = values * taper[:, np.newaxis]
-    frequencies, amplitudes = band.frequencies_hz(), amplitude_spectrum(values)
-    upwards = 1 if frequencies[0] <= frequencies[-1] else -1  # odd zones are seen mirrored
-    return frequencies[::upwards], amplitudes[::upwards]
+def _remainder(
+    plan: DrivePlan, band: Band | None, run: Run, values: FloatArray, rounding: float
+) -> Remainder:
+    """What there is besides the tones, against what a steady response of that accuracy has.
 
-
-@dataclass(frozen=True, kw_only=True)
-class _Lines:
-    """Amplitudes of a response at the tones, at combinations, elsewhere: (any, outputs).
-
-    The frequency of what is left by a fit is not known (nan). ``largest`` (outputs,) is the largest
-    value.
+    By the bins of a band with whole periods of every tone; else (None) by a fit, of which the rest
+    has no known frequency.
     """
-
-    peaks: FloatArray
-    combined: FloatArray
-    unexplained: FloatArray
-    combined_hz: FloatArray
-    unexplained_hz: FloatArray
-    largest: FloatArray
-
-    def share(self, lines: FloatArray, constant: BoolArray) -> FloatArray:
-        """Lines as parts of the largest peak of their output, less rounding; same shape."""
-        peak = np.maximum(self.peaks.max(axis=0), np.finfo(float).tiny)
-        parts = np.maximum(lines - ROUNDING * self.largest, 0.0) / peak
-        return np.where(constant, 0.0, parts)
-
-
-def _lines(drive: Drive, band: Band, coherent: bool, run: Run, values: FloatArray) -> _Lines:
-    largest = np.max(np.abs(values), axis=0)
-    if not coherent:
+    drive, largest = plan.drives[0], np.max(np.abs(values), axis=0)
+    if band is None:
         result = fit_tones(drive.tones_hz, np.array(row_times(run)), values)
-        left = np.max(np.abs(result.rest), axis=0, keepdims=True)
-        return _Lines(
-            peaks=result.amplitudes,
-            combined=left[:0],
-            unexplained=left,
-            combined_hz=np.empty(0),
-            unexplained_hz=np.array([math.nan]),
-            largest=largest,
-        )
-    tones = list(band.bins())
-    mixed = [k for k in band.combination_bins() if k]
-    rest = np.setdiff1d(np.arange(1, band.samples // 2 + 1), [*tones, *mixed])
-    a, f = amplitude_spectrum(values), band.frequencies_hz()
-    return _Lines(
-        peaks=a[tones],
-        combined=a[mixed],
-        unexplained=a[rest],
-        combined_hz=f[mixed],
-        unexplained_hz=f[rest],
-        largest=largest,
-    )
-
-
-def _remainder(lines: _Lines, constant: BoolArray, rounding: float, promised: float) -> Remainder:
-    """What there is beside the tones, against what a steady response of that accuracy has."""
-    limit = max(BESIDE, rounding, promised)
-    combined, unexplained = (lines.share(a, constant) for a in (lines.combined, lines.unexplained))
-    share, mixed = (float(np.max(a, initial=0.0)) for a in (unexplained, combined))
-    if share > limit:
-        at_hz = float(lines.unexplained_hz[int(np.argmax(unexplained.max(axis=1)))])
-        return Remainder(
-            RemainderKind.UNKNOWN if math.isnan(at_hz) else RemainderKind.UNEXPLAINED, share, at_hz
-        )
-    if mixed > limit:
-        at_hz = float(lines.combined_hz[int(np.argmax(combined.max(axis=1)))])
-        return Remainder(RemainderKind.COMBINATION, mixed, at_hz)
-    most = max(share, mixed)
-    kind = RemainderKind.ROUNDING if most <= max(SMALL, rounding) else RemainderKind.SMALL
-    return Remainder(kind, most)
-
-
-def _oscillating(peaks: FloatArray, constant: tuple[bool, ...]) -> FloatArray:
-    """Peaks (tones, outputs), infinite where an output does not oscillate: no line is larger."""
-    return np.where(constant, np.inf, peaks)
+        peaks, unexplained = result.amplitudes, np.max(np.abs(result.rest), axis=0, keepdims=True)
+        combined, combined_hz, unexplained_hz = unexplained[:0], np.empty(0), np.array([math.nan])
+    else:
+        tones, mixed = list(band.bins()), [k for k in band.combination_bins() if k]
+        rest = np.setdiff1d(np.arange(1, band.samples // 2 + 1), [*tones, *mixed])
+        a, f = amplitude_spectrum(values), band.frequencies_hz()
+        peaks, unexplained, combined = a[tones], a[rest], a[mixed]
+        unexplained_hz, combined_hz = f[rest], f[mixed]
+    peak = np.maximum(peaks.max(axis=0), np.finfo(float).tiny)
+    limit, most = max(BESIDE, rounding, plan.promised), 0.0
+    unknown = RemainderKind.UNKNOWN if band is None else RemainderKind.UNEXPLAINED
+    for kind, lines, at_hz in (
+        (unknown, unexplained, unexplained_hz),
+        (RemainderKind.COMBINATION, combined, combined_hz),
+    ):
+        # as parts of the largest peak of their output, less the rounding of its samples
+        parts = np.maximum(lines - ROUNDING * largest, 0.0) / peak
+        parts = np.where(plan.readings[0].constant, 0.0, parts)
+        share = float(np.max(parts, initial=0.0))
+        if share > limit:
+            return Remainder(kind, share, float(at_hz[int(np.argmax(parts.max(axis=1)))]))
+        most = max(most, share)
+    is_rounding = most <= max(SMALL, rounding)
+    return Remainder(RemainderKind.ROUNDING if is_rounding else RemainderKind.SMALL, most)
 
 
 def _mixed_lines(
@@ -387,33 +360,158 @@ def _mixed_lines(
 # -- traces ---------------------------------------------------------------------------------------
 
 
-def _beating_run(plan: DrivePlan) -> Run | None:
-    drive = plan.drives[0]
-    tones = sorted(drive.tones_hz)
-    if len(tones) == 1:
-        return None
-    length_s = TRACE_BEATS / min(b - a for a, b in pairwise(tones))
-    middle_hz = sum(tones) / len(tones)
-    periods = max(1, round(length_s * middle_hz / TRACE_COLUMNS))
-    if periods % COLUMN_SAMPLES == 0:
-        periods += 1
-    step_s = periods / (COLUMN_SAMPLES * middle_hz)
-    samples = math.ceil(length_s / step_s) + 1
-    return drive.run_at(plan.settings, plan.settle_s, step_s, samples)
+def _traces(workers: Workers, plan: DrivePlan) -> tuple[Trace | None, Trace]:
+    """The envelope of the beating of several tones, and some periods of the carrier."""
+    drive, tones = plan.drives[0], sorted(plan.drives[0].tones_hz)
+    middle_hz, settle_s = sum(tones) / len(tones), plan.settle_s
 
+    def trace(settle_s: float, step_s: float, samples: int) -> Trace:
+        run = drive.run_at(plan.settings, settle_s, step_s, samples)
+        return Trace(np.array(row_times(run)), workers.run([run])[0])
 
-def _carrier_run(plan: DrivePlan, beating: Trace | None, output: int) -> Run:
-    """Some periods, around the maximum of the output's envelope where there is one."""
-    drive, settle_s = plan.drives[0], plan.settle_s
-    middle_hz = sum(drive.tones_hz) / len(drive.tones_hz)
-    length_s = CARRIER_PERIODS / middle_hz
-    if beating is not None:
-        # not at the very first samples, which have nothing before them
-        at = beating.times_s[int(np.argmax(np.abs(beating.values[:, output])))]
-        settle_s = max(settle_s, float(at) - length_s / 2)
+    beating, length_s = None, CARRIER_PERIODS / middle_hz
+    if len(tones) > 1:
+        beats_s = TRACE_BEATS / min(b - a for a, b in pairwise(tones))
+        periods = max(1, round(beats_s * middle_hz / TRACE_COLUMNS))
+        if periods % COLUMN_SAMPLES == 0:
+            periods += 1
+        step_s = periods / (COLUMN_SAMPLES * middle_hz)
+        beating = trace(settle_s, step_s, math.ceil(beats_s / step_s) + 1)
+        # periods around the maximum of the envelope of the first output that oscillates, but not
+        # at the very first samples, which have nothing before them
+        output = plan.readings[0].constant.index(False)
+        at_s = float(beating.times_s[int(np.argmax(np.abs(beating.values[:, output])))])
+        settle_s = max(settle_s, at_s - length_s / 2)
     samples = CARRIER_PERIODS * CARRIER_SAMPLES + 1
-    return drive.run_at(plan.settings, settle_s, length_s / (samples - 1), samples)
+    return beating, trace(settle_s, length_s / (samples - 1), samples)
 
 
-def _trace(run: Run, values: FloatArray) -> Trace:
-    return Trace(np.array(row_times(run)), values)
+# -- what keeps amplitudes from standing still -----------------------------------------------------
+#
+# Windows of whole periods of the tones alone see a line close to a tone as an amplitude that
+# changes: a sideband of a pump for ever, a free oscillation until it has died away.
+
+
+@dataclass(frozen=True)
+class Sideband:
+    """A line at a tone plus or minus (`sign`) a parameter of the FMU, both by name."""
+
+    tone: str
+    sign: str
+    parameter: str
+
+
+def strongest_other_line(workers: Workers, plan: DrivePlan) -> Remainder | None:
+    """The strongest line beside the tones, None where none explains what does not stand still.
+
+    Args:
+        workers: processes that run the FMU.
+        plan: of one drive, whose amplitudes did not stand still.
+    """
+    [settling] = plan.budget.of(Kind.SETTLING)
+    share, rate_hz = _shares(workers, plan, plan.settings)
+    k, output = divmod(int(np.argmax(share)), share.shape[1])
+    top = float(share[k, output])
+    moved = float(settling.numbers.get("change", plan.promised))
+    if not (TAPERED <= k < len(share) - 1 and top > EXPLAINS * moved):
+        return None
+    # between bins by a parabola through three logarithms
+    left, middle, right = np.log(np.maximum(share[k - 1 : k + 2, output], np.finfo(float).tiny))
+    bend = left - 2.0 * middle + right
+    at_hz = (k + (float(0.5 * (left - right) / bend) if bend < 0.0 else 0.0)) / rate_hz
+    return Remainder(RemainderKind.UNEXPLAINED, top, at_hz, 1.0 / rate_hz)
+
+
+def missing_damping(
+    workers: Workers, plan: DrivePlan, line: Remainder, variables: Mapping[str, FmuVariable]
+) -> tuple[str, ...]:
+    """Parameters that are 0 and, where they are not, let a line beside the tones decay.
+
+    Each is tried: a rate at a ten-thousandth of the line's frequency, others at a thousandth.
+
+    Args:
+        workers: processes that run the FMU.
+        plan: of one drive, whose amplitudes did not stand still.
+        line: that does not decay.
+        variables: of the FMU, by name.
+    """
+    drive, result = plan.drives[0], []
+    values = {**drive.start_values, **plan.settings}
+    zeros = [
+        name
+        for name, variable in variables.items()
+        if (variable.causality, variable.kind) == ("parameter", "Real")
+        and name not in drive.names
+        and values.get(name, variable.start) == 0.0
+    ]
+    for name in zeros[:MOST_TRIED]:
+        unit = variables[name].unit or "1"
+        rate = same_kind(unit, "Hz")
+        tried = convert(TRIED_HZ * line.at_hz, "Hz", unit, where=name) if rate else TRIED
+        shares = attempt(partial(_shares, workers, plan, {**plan.settings, name: tried}))
+        if shares is None:  # no such value
+            continue
+        share, rate_hz = shares
+        k = round(line.at_hz * rate_hz)
+        if float(np.max(share[max(0, k - TAPERED) : k + TAPERED + 1])) < DECAYED * line.share:
+            result.append(name)
+    return tuple(result)
+
+
+def _shares(
+    workers: Workers, plan: DrivePlan, settings: Mapping[str, Scalar]
+) -> tuple[FloatArray, float]:
+    """Lines (bins, outputs) beside the tones over the largest peak of each output; 1/bin in s."""
+    drive = plan.drives[0]
+    step_s = 1.0 / (PER_PERIOD * drive.fastest_hz)
+    run = drive.run_at(settings, plan.settle_s, step_s, LONG_SAMPLES)
+    values = workers.run([run])[0][-LONG_SAMPLES:]
+    result = ToneFit(drive.tones_hz, np.array(row_times(run))[-LONG_SAMPLES:])(values)
+    tapered = 2.0 * np.abs(np.fft.rfft(result.rest * hann(LONG_SAMPLES), axis=0)) / LONG_SAMPLES
+    share = tapered / np.maximum(result.amplitudes.max(axis=0), np.finfo(float).tiny)
+    rate_hz = LONG_SAMPLES * run.sample_step_s
+    for tone in drive.tones_hz:
+        k = round(tone * rate_hz)
+        share[max(0, k - TAPERED) : k + TAPERED + 1] = 0.0
+    share[:TAPERED] = 0.0
+    return share, rate_hz
+
+
+def hann(samples: int) -> FloatArray:
+    """A taper (samples, 1) of mean one, under which a line is right at the middle of a bin.
+
+    Args:
+        samples: number of samples.
+    """
+    return np.asarray(1.0 - np.cos(2.0 * np.pi * np.arange(samples) / samples))[:, np.newaxis]
+
+
+def sideband_of(
+    line: Remainder,
+    tones: Mapping[str, float],
+    values: Mapping[str, Scalar],
+    variables: Mapping[str, FmuVariable],
+) -> Sideband | None:
+    """The parameter of the FMU, a frequency, whose value is the distance of a line from a tone.
+
+    Args:
+        line: beside the tones.
+        tones: their frequencies by name, Hz.
+        values: start values, by name.
+        variables: of the FMU, by name.
+
+    Returns:
+        None where no parameter has that value, or more than one.
+    """
+    result = []
+    for name, variable in variables.items():
+        value = values.get(name, variable.start)
+        frequency = variable.unit is not None and same_kind(variable.unit, "Hz")
+        if name in tones or variable.causality != "parameter" or not frequency:
+            continue
+        hz = convert(float(value or 0.0), str(variable.unit), "Hz", where=name)
+        for tone, tone_hz in tones.items():
+            distance = line.at_hz - tone_hz
+            if hz > TAPERED * line.bin_hz and abs(abs(distance) - hz) < SAME * line.bin_hz:
+                result.append(Sideband(tone, "+" if distance > 0.0 else "−", name))
+    return result[0] if len(result) == 1 else None

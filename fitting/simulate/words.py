@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from fitting.signal.window import LONGEST_WINDOW_S, Window
 from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord
-from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import SweepResponse
-from fitting.simulate.response import Spectrum
-from fitting.simulate.unsteady import Remainder
+from fitting.simulate.planner import DrivePlan
+from fitting.simulate.response import Remainder, Spectrum
 from fitting.text.rendering import blocks
-
-
-def plan_in_words(budget: Budget, of: str = "themselves") -> tuple[str, ...]:
-    """A line per decision, and the sum; "settling: 66 ms; transient below 1.0e-09, ...".
-
-    Args:
-        budget: what the decisions of a plan promise together.
-        of: what errors are relative to.
-    """
-    return (*map(decision_in_words, budget.decisions), sum_in_words(budget, of))
 
 
 def decision_in_words(decision: Decision) -> str:

@@ -188,6 +188,11 @@ COMMANDS = (
         smoke="--only points --size 101",
     ),
     Command(
+        "scenes",
+        "promises of `simulate` and `sweep` for random extreme scenes",
+        smoke="--only 0 9 10",
+    ),
+    Command(
         "statements",
         "statements of the program that the tests run",
         smoke="tests/text/test_formula.py",

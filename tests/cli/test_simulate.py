@@ -17,10 +17,9 @@ from fitting.cli.main import main
 from fitting.fmu import Run
 from fitting.simulate.drive import Drive
 from fitting.simulate.frf import USUAL_SWEEP_ACCURACY
-from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import plan_drives
-from fitting.simulate.response import USUAL_ACCURACY, Shown, respond
-from fitting.simulate.unsteady import RemainderKind
+from fitting.simulate.probe import Knowledge
+from fitting.simulate.response import USUAL_ACCURACY, RemainderKind, Shown, respond
 from fitting.simulate.words import remainder_in_words
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
 from tests.support.undrawn import without_figures

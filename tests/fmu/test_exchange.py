@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import fitting as ff
 from fitting.fmu import FmuWorkers, Run, read_description
-from fitting.simulate.drive_plan import DrivePlan
+from fitting.simulate.planner import DrivePlan
 from fitting.text.finding import Kind, of_kind
 from tests.support.cfmu_build import build_exchange_fmu, build_reference_fmu
 

@@ -13,6 +13,7 @@ import pytest
 import fitting as ff
 from fitting.fit.likelihood import LikelihoodEvaluator, Request, likelihood_of
 from fitting.fit.noise import RowNoise
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.plan import Plan
@@ -20,8 +21,12 @@ from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.probe import Probe
 from fitting.text.errors import NoScale
 from tests.bench.bench_noise import PARAMETERS, QUICK, SETUP
+from tests.support import reference
+from tests.support.scenes import STRING
 from tests.support.whitened import WhitenedResponse, parameter, whitened
 
+#: What the FMU declares that it may leave out, and its periodic start.
+REDUCTIONS = ("periodic start", "far mode left out", "far mode quasi-static", "rotating frame")
 KT = 1.380649e-23 * 300.0
 F, WIDTH = 100.0, 8.0
 U = np.arange(70.0, 130.25, 1.0)
@@ -82,6 +87,41 @@ def test_a_reduction_that_would_leave_out_what_is_observed_is_not_taken(
     narrow, wide = (plan.settings.get("other_mode") for plan in plans)
     assert narrow == 2
     assert wide != 2
+
+
+def test_no_reduction_is_taken_that_makes_an_evaluation_dearer(fmu: ff.Fmu) -> None:
+    """A sweep over both modes: without one of them its response is no rational function.
+
+    A single run gets cheaper, and 121 of them take the place of nine.
+    """
+    scene = STRING.__class__(
+        "two modes", theta=0.3, d1=4.0, d2=5.0, eta_plus=100.0, eta_minus=140.0
+    )
+    u = np.linspace(80.0, 170.0, 121)
+    amplitude = np.array([float(abs(reference.phasors(scene, f)[0])) for f in u])
+    parameters = (
+        ff.Parameter("eta_plus", 100.5, bounds=(95.0, 105.0), unit="Hz"),
+        ff.Parameter("d1", 4.5, bounds=(1.0, 20.0), unit="Hz"),
+    )
+    runs = []
+    for forbid in (("periodic start",), REDUCTIONS):
+        setup = ff.Setup(
+            ff.Drive(frequency_names=("u1",), amplitude_names=("A1",)),
+            "q1_hybrid",
+            start_values={"theta": 0.3, "A2": 0.0, "d2": 5.0, "eta_minus": 140.0},
+            line_width_hz=4.0,
+            accuracy=1e-2,
+            annotation=AccuracyAnnotation(forbid=forbid),
+        )
+        sweep = ff.Sweep(setup, u, amplitude / np.max(amplitude), scale="fit")
+        problem = ff.Problem(fmu, parameters, [sweep])
+        problem.residuals(problem.start)
+        before = fmu.workers.counts.runs
+        problem.residuals(problem.start)
+        runs.append(fmu.workers.counts.runs - before)
+        [plan] = problem.planned.plans.values()
+        assert "other_mode" not in plan.settings
+    assert runs[0] == runs[1] < 20
 
 
 @pytest.mark.parametrize("response", [0.0, 1j])

@@ -18,14 +18,14 @@ from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.knowledge import knowledge_of
-from fitting.simulate.planner import plan_drives
-from fitting.simulate.words import decision_in_words, plan_in_words, warnings_in_words
+from fitting.simulate.planner import DrivePlan, plan_drives
+from fitting.simulate.probe import knowledge_of
+from fitting.simulate.words import decision_in_words, warnings_in_words
 from fitting.text.errors import BadInput
 from tests.support import reference
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.datasets import planned_with, through
+from tests.support.plan_words import plan_in_words
 from tests.support.scenes import STRING
 
 PAIR = (6.94016e6, 6.94036e6)

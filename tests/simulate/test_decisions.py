@@ -17,9 +17,8 @@ from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.simulate.batch import alike
 from fitting.simulate.budget import SHARES, Basis, Decision, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.knowledge import Knowledge
-from fitting.simulate.planner import PlanOptions, plan_drives
+from fitting.simulate.planner import DrivePlan, PlanOptions, plan_drives
+from fitting.simulate.probe import Knowledge
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from tests.support.line_workers import LineWorkers, Output, line, together

@@ -7,8 +7,8 @@ import math
 import pytest
 
 from fitting.simulate.frf import Curve, Jump, Sweep, SweepResponse, take_sweep
-from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import PlanOptions, plan_drives
+from fitting.simulate.probe import Knowledge
 from fitting.text.errors import BadInput
 from tests.support.line_workers import BranchWorkers
 
@@ -36,7 +36,7 @@ def taken(workers: BranchWorkers, what: Sweep) -> SweepResponse:
         Knowledge(),
         options,
     )
-    return take_sweep(workers, what, plan)  # type: ignore[arg-type]
+    return take_sweep(workers, what, plan)
 
 
 def one_branch(f: float, rising: bool) -> float:

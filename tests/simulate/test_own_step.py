@@ -12,11 +12,11 @@ import pytest
 import fitting as ff
 from fitting.cli.main import main
 from fitting.simulate.budget import Basis, Decision, Kind
-from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.own_step import simplest
-from fitting.simulate.words import plan_in_words
+from fitting.simulate.planner import DrivePlan
+from fitting.simulate.solver import simplest
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu, build_own_step_fmu
 from tests.support.own_step import phasor
+from tests.support.plan_words import plan_in_words
 
 TONE = 30.3
 STEP = 1e-3

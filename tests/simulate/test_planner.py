@@ -15,10 +15,10 @@ from fitting.fmu import FmuWorkers, Run
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
 from fitting.simulate.budget import Basis, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.knowledge import Knowledge, knowledge_of
 from fitting.simulate.planner import PlanOptions, plan_drives
-from fitting.simulate.probe import Probe
-from fitting.simulate.response import plan_drive, simulate
+from fitting.simulate.probe import Knowledge, Probe, knowledge_of
+from fitting.simulate.response import plan_drive, respond
+from fitting.simulate.settling import settle
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support import reference
@@ -145,8 +145,7 @@ def test_an_oscillation_in_step_with_the_doublings_is_seen() -> None:
                 found.append((slow * np.cos(2 * np.pi * 100.0 * t))[:, np.newaxis])
             return found
 
-    options = PlanOptions(longest_settle_s=20.0)
-    plan = plan_drives((RINGING,), 1e-4, Modulated(1.0), Knowledge(), options)
+    plan = plan_drives((RINGING,), 1e-4, Modulated(1.0), Knowledge())
     (settling,) = plan.budget.of(Kind.SETTLING)
     assert settling.basis == Basis.UNSTEADY
 
@@ -155,11 +154,10 @@ def test_an_oscillation_in_step_with_the_doublings_is_seen() -> None:
 def test_a_time_within_the_limit_is_confirmed_beyond_it(longest_s: float, basis: Basis) -> None:
     """exp(-t / tau), tau = 0.05 s, changes by 1e-7 from 0.8 to 1.6 s, by 3e-4 from 0.4 to 0.8 s."""
     # ten periods, doubled, may be rounded otherwise than the limit is
-    options = PlanOptions(longest_settle_s=longest_s * (1.0 - 1e-15))
-    plan = plan_drives((RINGING,), 1e-4, Ringing(0.05), Knowledge(), options)
-    (settling,) = plan.budget.of(Kind.SETTLING)
-    assert settling.basis == basis
-    assert plan.settle_s <= longest_s
+    probe = Probe((RINGING,), Ringing(0.05))
+    found = settle(probe, {}, 0.2e-4, math.inf, longest_s * (1.0 - 1e-15))
+    assert found.decision.basis == basis
+    assert found.settle_s <= longest_s
 
 
 def test_what_takes_too_much_work_is_not_looked_at_and_said() -> None:
@@ -174,14 +172,15 @@ def test_what_takes_too_much_work_is_not_looked_at_and_said() -> None:
 
 def test_work_is_counted_in_steps() -> None:
     """A window of 0.01 s in 5 samples after 1 s: 6 communication steps, 1.008 s of substeps."""
-    named = Probe((RINGING,), Ringing(1.0), substep="substep")
+    named = Probe((RINGING,), Ringing(1.0), Knowledge(AccuracyAnnotation(substep="substep")))
     window = RINGING.window(1.0)
     assert window.samples == 5
     last_s = window.times_s()[-1]
     assert named.work({"substep": 1e-3}, 1.0) == pytest.approx(6 + last_s / 1e-3)
     assert named.work({}, 1.0) == pytest.approx(6 + last_s * 40 * 100.0)
     # a name that changes nothing takes no substeps; who names none is taken for compiled code
-    assert Probe((RINGING,), Ringing(1.0), substep="other").work({}, 1.0) == 6
+    other = Knowledge(AccuracyAnnotation(substep="other"))
+    assert Probe((RINGING,), Ringing(1.0), other).work({}, 1.0) == 6
     assert Probe((RINGING,), Ringing(1.0)).work({}, 1.0) == pytest.approx(6 + last_s * 10.0)
 
 
@@ -196,7 +195,8 @@ def test_a_prescribed_time_to_settle_is_a_part_of_the_promise(
     settle_s: float, kept: bool, workers: FmuWorkers
 ) -> None:
     drive = Drive(start_values={"theta": 1.9}, tones_hz=PAIR, outputs=("q1_hybrid",))
-    response = simulate(workers, drive, 1e-2, settle_s=settle_s, annotation=AT_REST)
+    plan = plan_drive(workers, drive, 1e-2, settle_s=settle_s, annotation=AT_REST)
+    response = respond(workers, plan)
     (settling,) = response.plan.budget.of(Kind.SETTLING)
     assert settling.forced
     assert response.plan.settle_s == settle_s

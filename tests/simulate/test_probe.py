@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.simulate.drive import Approach, Drive
-from fitting.simulate.probe import Probe, Reading
+from fitting.simulate.probe import Knowledge, Probe, Reading
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import FmuFailure
 from tests.support.line_workers import LineWorkers, Output, line, together
@@ -19,6 +20,11 @@ from tests.support.line_workers import LineWorkers, Output, line, together
 
 def drive_of(*tones: float, outputs: tuple[str, ...] = ("x",)) -> Drive:
     return Drive(start_values={}, tones_hz=tones, outputs=outputs)
+
+
+def by(**names: str) -> Knowledge:
+    """An FMU that names its substep or its tolerance."""
+    return Knowledge(AccuracyAnnotation(**names))  # type: ignore[arg-type]
 
 
 def probe_of(*drives: Drive, **outputs: Output) -> Probe:
@@ -131,11 +137,12 @@ def test_a_common_length_is_whole_windows_of_every_drive(
 def test_what_is_no_whole_period_has_no_common_length() -> None:
     """A tone whose period is just the window of a pair that has none in common."""
     pair = drive_of(100.0, 100.0 + 2.0**0.5)
-    length_s = probe_of(pair, x=line(1.0, 1.0)).length_s(pair)
+    length_s = probe_of(pair, x=line(1.0, 1.0)).windows(0.0)[0].length_s
     single = drive_of(1.0 / length_s)
     for drives in ((pair, single), (single, pair)):
         probe = probe_of(*drives, x=line(1.0, 1.0))
-        assert probe.length_s(single) == pytest.approx(length_s, rel=1e-10)
+        lengths = [window.length_s for window in probe.windows(0.0)]
+        assert lengths == pytest.approx([length_s] * 2, rel=1e-10)
         assert probe.common_length_s() is None
 
 
@@ -147,20 +154,20 @@ def test_windows_shorten_where_time_costs() -> None:
         def signal(t: FloatArray, values: Mapping[str, Scalar]) -> FloatArray:
             return np.asarray(np.cos(t) + float(values.get("step", 0.0)))
 
-        probe = Probe((single, drive), LineWorkers({"x": signal}), substep="step")
-        assert probe.length_s(drive) == pytest.approx(100.0)
+        probe = Probe((single, drive), LineWorkers({"x": signal}), by(substep="step"))
+        assert probe.windows(0.0)[1].length_s == pytest.approx(100.0)
         probe.shorten_windows({"step": rate})  # 1/step substeps a second, over a hundred of them
         assert probe.longest_s == pytest.approx(longest)
-    assert probe.length_s(single) == pytest.approx(1.0 / 77.0)
+    assert probe.windows(0.0)[0].length_s == pytest.approx(1.0 / 77.0)
 
 
 def test_of_three_tones_the_closest_pair_beats_slowest() -> None:
     """100, 101.01 and 150 Hz: six beats of 1.01 Hz, which is far below 50 and 48.99 Hz."""
     drive = drive_of(100.0, 101.01, 150.0)
-    probe = Probe((drive,), LineWorkers({"x": stepped("h", True)}), substep="h")
+    probe = Probe((drive,), LineWorkers({"x": stepped("h", True)}), by(substep="h"))
     probe.shorten_windows({"h": 1e-3})
     assert probe.longest_s == pytest.approx(6.0 / 1.01)
-    assert probe.length_s(drive) <= 6.0 / 1.01
+    assert probe.windows(0.0)[0].length_s <= 6.0 / 1.01
 
 
 def stepped(name: str, acts: bool) -> Output:
@@ -175,7 +182,7 @@ def test_substeps_are_counted_by_what_acts() -> None:
 
     def rate(acts: bool, **told: str) -> float:
         name = next(iter(told.values()), "")
-        probe = Probe(drives, LineWorkers({"x": stepped(name, acts)}), **told)  # type: ignore[arg-type]
+        probe = Probe(drives, LineWorkers({"x": stepped(name, acts)}), by(**told))
         return probe.substeps_per_s({name: 2e-4} if name else {})
 
     assert rate(True, substep="h") == pytest.approx(5000.0)
@@ -190,13 +197,13 @@ def test_a_substep_of_nothing_is_forty_in_a_period_and_beats_count_no_more_than_
     None
 ):
     drives = (drive_of(100.0, 190.0),)
-    probe = Probe(drives, LineWorkers({"x": stepped("h", True)}), substep="h")
+    probe = Probe(drives, LineWorkers({"x": stepped("h", True)}), by(substep="h"))
     assert probe.substeps_per_s({"h": 0.0}) == pytest.approx(40.0 * 190.0)
     own = (replace(drives[0], start_values={"h": 1e-3}),)
-    assert Probe(own, LineWorkers({"x": stepped("h", True)}), substep="h").substeps_per_s(
+    assert Probe(own, LineWorkers({"x": stepped("h", True)}), by(substep="h")).substeps_per_s(
         {}
     ) == pytest.approx(1000.0)
-    adaptive = Probe(drives, LineWorkers({"x": stepped("tol", True)}), tolerance="tol")
+    adaptive = Probe(drives, LineWorkers({"x": stepped("tol", True)}), by(tolerance="tol"))
     assert adaptive.substeps_per_s({}) == pytest.approx(0.1 * 190.0 + 2.0 * 40.0 * 190.0)
 
 
@@ -206,7 +213,7 @@ def test_a_parameter_at_which_the_model_fails_acts() -> None:
             raise FmuFailure("too long a substep", {}, Path("test.fmu"))
         return np.cos(t)
 
-    probe = Probe((drive_of(100.0),), LineWorkers({"x": fails}), substep="h")
+    probe = Probe((drive_of(100.0),), LineWorkers({"x": fails}), by(substep="h"))
     assert probe.substeps_per_s({"h": 1e-3}) == pytest.approx(1000.0)
 
 
@@ -215,29 +222,17 @@ def test_work_is_communication_steps_and_substeps() -> None:
     drive = drive_of(100.0)
     window = drive.window(0.5)
     last_s = 0.5 + (window.samples - 1) * window.step_s
-    probe = Probe((drive,), LineWorkers({"x": stepped("h", True)}), substep="h")
+    probe = Probe((drive,), LineWorkers({"x": stepped("h", True)}), by(substep="h"))
     assert probe.work({"h": 1e-3}, 0.5) == pytest.approx(window.samples + 1 + 1e3 * last_s)
     # a tone that is moved is settled at twice, and sampled at both
     moved = replace(drive, start_values={"u": 90.0}, approach=Approach("u", 90.0, 100.0))
-    there = Probe((moved,), LineWorkers({"x": stepped("h", False)}), substep="h")
+    there = Probe((moved,), LineWorkers({"x": stepped("h", False)}), by(substep="h"))
     assert there.work({}, 0.5) == 2 * window.samples + 2
     # a generated input is held over steps
     held = replace(drive, input="b", steps_per_period=20)
-    of_steps = Probe((held,), LineWorkers({"x": stepped("h", False)}), substep="h")
+    of_steps = Probe((held,), LineWorkers({"x": stepped("h", False)}), by(substep="h"))
     end_s = held.window(0.5).times_s()[-1]
     assert of_steps.work({}, 0.5) == round(end_s / held.window(0.5).input_step_s)
-
-
-def test_inputs_are_held_over_half_the_time_up_to_a_limit() -> None:
-    held = replace(drive_of(100.0), input="b", steps_per_period=20)
-    probe = Probe((held, replace(held, steps_per_period=30)), LineWorkers({"x": line(1.0, 1.0)}))
-    probe.read({}, 0.0)
-    assert probe.finer_input(60)
-    assert [drive.steps_per_period for drive in probe.drives] == [40, 60]
-    assert not probe.finer_input(119)
-    assert not Probe((drive_of(100.0),), LineWorkers({})).finer_input(10**6)
-    probe.read({}, 0.0)
-    assert len(probe.workers.asked) == 4  # type: ignore[attr-defined]
 
 
 def test_a_tone_that_is_moved_has_no_phase() -> None:
@@ -254,5 +249,5 @@ def test_a_substep_acts_where_only_short_ones_do() -> None:
         taken = min(float(values.get("h", longest_s)), longest_s)
         return np.asarray(np.cos(2.0 * np.pi * 100.0 * t) * (1.0 + (1e3 * taken) ** 4))
 
-    probe = Probe((drive_of(100.0),), LineWorkers({"x": output}), substep="h")
+    probe = Probe((drive_of(100.0),), LineWorkers({"x": output}), by(substep="h"))
     assert probe.substeps_per_s({"h": 1e-4}) == pytest.approx(1e4)

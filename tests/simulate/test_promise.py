@@ -18,11 +18,11 @@ import pytest
 from fitting.fmu import FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.knowledge import knowledge_of
-from fitting.simulate.planner import plan_drives
-from fitting.simulate.words import plan_in_words, warnings_in_words
+from fitting.simulate.planner import DrivePlan, plan_drives
+from fitting.simulate.probe import knowledge_of
+from fitting.simulate.words import warnings_in_words
 from tests.support import reference
+from tests.support.plan_words import plan_in_words
 from tests.support.scenes import Scene
 from tests.support.twins import swift_model
 

@@ -10,11 +10,9 @@ import pytest
 
 from fitting.simulate.budget import Budget
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan
-from fitting.simulate.knowledge import Knowledge
-from fitting.simulate.planner import plan_drives
-from fitting.simulate.response import DriveResponse, Shown, respond
-from fitting.simulate.unsteady import RemainderKind
+from fitting.simulate.planner import DrivePlan, plan_drives
+from fitting.simulate.probe import Knowledge
+from fitting.simulate.response import DriveResponse, RemainderKind, Shown, respond
 from fitting.text.errors import BadInput
 from tests.support.line_workers import LineWorkers, Output, line, together
 

@@ -10,7 +10,7 @@ import pytest
 
 from fitting.simulate.drive import Drive
 from fitting.simulate.probe import Probe
-from fitting.simulate.settling import settle, settle_as_prescribed, settling_s
+from fitting.simulate.settling import settle, settle_as_prescribed
 from fitting.text.arrays import FloatArray, Scalar
 from tests.support.line_workers import LineWorkers
 
@@ -26,13 +26,6 @@ def dying_away(tau_s: float) -> Probe:
 
     drive = Drive(start_values={}, tones_hz=(F_HZ,), outputs=("x",))
     return Probe((drive,), LineWorkers({"x": output}))
-
-
-def test_settling_leaves_what_was_asked_for() -> None:
-    settle = settling_s(50.0, 1e-7)
-    assert math.exp(-math.pi * 25.0 * settle) == pytest.approx(1e-7, rel=1e-9)
-    with pytest.raises(ValueError, match="line width"):
-        settling_s(0.0, 1e-7)
 
 
 @pytest.mark.parametrize(("tau_s", "wanted"), [(0.2, 1e-4), (0.2, 1e-2), (2.0, 1e-4), (30.0, 1e-4)])
@@ -91,6 +84,6 @@ def test_what_a_users_own_time_leaves_is_told() -> None:
     probe = dying_away(0.2)
     reference = settle(probe, {}, 1e-4, math.inf)
     early = settle_as_prescribed(probe, {}, 0.5, reference)
-    assert (early.settle_s, early.prescribed) == (0.5, True)
+    assert (early.settle_s, early.decision.forced) == (0.5, True)
     assert early.bound == pytest.approx(2.0 * math.exp(-2.5), rel=0.05)
     assert settle_as_prescribed(probe, {}, 0.0, reference).bound == pytest.approx(2.0, rel=0.05)

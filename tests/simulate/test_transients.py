@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.simulate.budget import Basis
 from fitting.simulate.drive import Drive
-from fitting.simulate.probe import Probe
-from fitting.simulate.settling import (
-    Settled,
-    settle,
-    settle_as_prescribed,
-    settling_decision,
-)
-from fitting.simulate.solver_parameter import SolverParameter
+from fitting.simulate.probe import Knowledge, Probe
+from fitting.simulate.settling import Settled, settle, settle_as_prescribed
+from fitting.simulate.solver import coarsest_value, solver_error
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import FmuFailure
 from tests.support.line_workers import LineWorkers, Output
@@ -54,7 +53,7 @@ def test_what_is_left_is_within_its_bound_and_no_time_is_wasted(
     assert found.bound <= wanted
     enough_s = math.log(1.0 / wanted) / (math.pi * width_hz)
     assert enough_s < found.settle_s < 1.6 * enough_s
-    assert settling_decision(found).basis is Basis.WATCHED
+    assert found.decision.basis is Basis.WATCHED
     # three digits
     assert float(f"{found.settle_s:.3g}") == found.settle_s or found.settle_s in _doublings()
 
@@ -67,7 +66,7 @@ def test_a_response_that_is_steady_from_the_start_needs_no_time() -> None:
     found = settled(dying(1.0, 0.0), 1e-6)
     assert (found.settle_s, found.steady) == (0.0, True)
     assert found.bound == pytest.approx(0.0, abs=1e-12)
-    assert settling_decision(found).basis is Basis.STEADY
+    assert found.decision.basis is Basis.STEADY
     # a transient that is small enough, likewise
     assert settled(dying(1.0, 1e-7), 1e-6).settle_s == 0.0
 
@@ -78,18 +77,19 @@ def test_limits_end_the_search_and_say_so() -> None:
     assert not found.steady
     assert 10.0 <= found.settle_s <= 20.0
     assert math.exp(-math.pi * 0.05 * found.settle_s) < found.bound
-    decision = settling_decision(found)
+    decision = found.decision
     assert decision.basis is Basis.UNSTEADY
     assert decision.numbers == {
         "settle_s": found.settle_s,
         "ended_by": "periods",
         "limit": pytest.approx(20.0 * F_HZ),
-        "change": found.change,
+        "change": pytest.approx(0.2, abs=0.01),
     }
     # work: one tenth of a substep in a period, so ten a second, beside the few samples
     worked = settled(dying(0.05), 1e-6, 100.0)
     assert not worked.steady
-    assert (worked.ended_by, worked.limit) == ("work", 100.0)
+    numbers = worked.decision.numbers
+    assert (numbers["ended_by"], numbers["limit"]) == ("work", 100.0)
     assert worked.settle_s * 10.0 <= 100.0 < 2.0 * worked.settle_s * 10.0 + 20.0
 
 
@@ -112,8 +112,7 @@ def test_a_time_of_the_users_own_leaves_what_is_seen() -> None:
     assert found.settle_s == 2.0
     assert left < found.bound < 2.2 * left
     assert found.steady
-    assert found.prescribed
-    decision = settling_decision(found)
+    decision = found.decision
     assert decision.basis is Basis.PRESCRIBED
     assert decision.forced
     assert settle_as_prescribed(probe, {}, 0.0, reference).bound >= 1.0
@@ -132,25 +131,42 @@ def of_order(order: float, size: float) -> Output:
     return output
 
 
-def parameter(
-    output: Output, *, part: float = 0.5, order: float = 4.0, **told: float
-) -> SolverParameter:
-    probe = Probe((DRIVE,), LineWorkers({"x": output}), substep="h")
-    limits = {"low": 1e-6, "high": 1.0, "work": 1e12} | told
-    return SolverParameter(name="h", part=part, order=order, probe=probe, **limits)
+@dataclass(frozen=True)
+class Knob:
+    """A substep of the FMU, or a tolerance, whose error goes as the first power."""
+
+    output: Output
+    low: float = 1e-6
+    high: float = 1.0
+    work: float = 1e12
+    is_tolerance: bool = False
+
+    @cached_property
+    def probe(self) -> Probe:
+        names = AccuracyAnnotation(**{"tolerance" if self.is_tolerance else "substep": "h"})  # type: ignore[arg-type]
+        limits = SimpleNamespace(min=self.low, max=self.high)
+        known = Knowledge(names, {"h": limits})  # type: ignore[dict-item]
+        return Probe((DRIVE,), LineWorkers({"x": self.output}), known)
+
+    def error_at(self, value: float) -> float:
+        return solver_error(self.probe, "h", {}, 0.0, value)
+
+    def coarsest(self, first: float, share: float, settle_s: float = 0.0) -> tuple[float, float]:
+        limits = {"first": first, "share": share, "work": self.work}
+        return coarsest_value(self.probe, "h", {}, settle_s, **limits)
 
 
 @pytest.mark.parametrize("order", [2.0, 4.0])
 def test_the_error_of_a_value_is_twice_the_change_of_a_finer_one(order: float) -> None:
-    found = parameter(of_order(order, 3.0), order=order).error_at({}, 0.0, 0.1)
+    found = Knob(of_order(order, 3.0)).error_at(0.1)
     change = 3.0 * 0.1**order * (1.0 - 0.5**order)
     assert found == pytest.approx(2.0 * change / (1.0 + 3.0 * 0.05**order), rel=1e-6)
 
 
 def test_a_parameter_that_changes_nothing_is_told_below_zero() -> None:
-    still = parameter(of_order(1.0, 0.0))
-    assert still.error_at({}, 0.0, 0.1) == -1.0
-    assert still.coarsest({}, 0.0, 0.1, 1e-6) == (-1.0, 0.1)
+    still = Knob(of_order(1.0, 0.0))
+    assert still.error_at(0.1) == -1.0
+    assert still.coarsest(0.1, 1e-6) == (-1.0, 0.1)
 
 
 @pytest.mark.parametrize("first", [5e-3, 0.1, 0.5])
@@ -158,26 +174,26 @@ def test_a_parameter_that_changes_nothing_is_told_below_zero() -> None:
 def test_the_coarsest_value_within_a_share_is_found_from_anywhere(
     first: float, share: float
 ) -> None:
-    bound, value = parameter(of_order(4.0, 1.0)).coarsest({}, 0.0, first, share)
+    bound, value = Knob(of_order(4.0, 1.0)).coarsest(first, share)
     assert 0.02 * share <= bound <= share
     assert bound == pytest.approx(2.0 * value**4 * (1.0 - 1.0 / 16.0), rel=0.01)
 
 
 def test_a_value_that_uses_a_good_part_of_its_share_is_kept_without_another_look() -> None:
     """Twice 0.1^4 less its sixteenth is 19 % of 1e-3: it and its half are all that is run."""
-    found = parameter(of_order(4.0, 1.0))
-    bound, value = found.coarsest({}, 0.0, 0.1, 1e-3)
+    knob = Knob(of_order(4.0, 1.0))
+    bound, value = knob.coarsest(0.1, 1e-3)
     assert value == 0.1
     assert bound == pytest.approx(2.0 * 1e-4 * (15.0 / 16.0), rel=0.01)
-    steps = [run.start_values["h"] for run in found.probe.workers.asked]  # type: ignore[attr-defined]
+    steps = [run.start_values["h"] for run in knob.probe.workers.asked]  # type: ignore[attr-defined]
     assert steps == [0.1, 0.05]
 
 
 def test_bounds_of_the_fmu_are_kept() -> None:
-    coarse = parameter(of_order(4.0, 1e-6), high=0.2).coarsest({}, 0.0, 0.5, 1e-3)
+    coarse = Knob(of_order(4.0, 1e-6), high=0.2).coarsest(0.5, 1e-3)
     assert coarse[1] == 0.2
     # at the least value nothing finer can be tried: twice as coarse changes by the error itself
-    bound, value = parameter(of_order(1.0, 1.0), low=1e-2, order=1.0).coarsest({}, 0.0, 0.5, 1e-9)
+    bound, value = Knob(of_order(1.0, 1.0), low=1e-2).coarsest(0.5, 1e-9)
     assert value == 1e-2
     assert bound == pytest.approx(2.0 * 1e-2, rel=0.02)
 
@@ -188,19 +204,17 @@ def test_a_value_at_which_the_model_fails_is_made_finer() -> None:
             raise FmuFailure("too long a substep", {}, Path("test.fmu"))
         return of_order(2.0, 1.0)(t, values)
 
-    own = parameter(output, order=2.0)
-    assert own.error_at({}, 0.0, 0.1) == math.inf
-    bound, value = own.coarsest({}, 0.0, 0.1, 1e-3)
+    own = Knob(output)
+    assert own.error_at(0.1) == math.inf
+    bound, value = own.coarsest(0.1, 1e-3)
     assert value <= 0.01
     assert bound <= 1e-3
 
 
 def test_no_finer_than_runs_may_take() -> None:
-    """Work goes as 1/h: 10 substeps a second at h = 0.1; the share would take a thousand times."""
-    free = parameter(of_order(1.0, 1.0), order=1.0).coarsest({}, 10.0, 0.1, 1e-4)
-    assert free[1] < 1e-4
-    bound, value = parameter(of_order(1.0, 1.0), order=1.0, work=1000.0).coarsest(
-        {}, 10.0, 0.1, 1e-4
-    )
+    """Work goes as 1/h: 10 substeps a second at h = 0.1; the share would take many times that."""
+    free = Knob(of_order(4.0, 1e4)).coarsest(0.1, 1e-6, settle_s=10.0)
+    assert free[1] < 4e-3
+    bound, value = Knob(of_order(4.0, 1e4), work=1000.0).coarsest(0.1, 1e-6, settle_s=10.0)
     assert 5e-3 < value < 0.1
-    assert bound > 1e-4
+    assert bound > 1e-6

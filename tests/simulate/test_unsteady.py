@@ -14,9 +14,9 @@ import fitting as ff
 from fitting.report.screens import unsteady_words
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
-from fitting.simulate.knowledge import Knowledge
 from fitting.simulate.planner import plan_drives
-from fitting.simulate.unsteady import (
+from fitting.simulate.probe import Knowledge
+from fitting.simulate.response import (
     Remainder,
     RemainderKind,
     Sideband,

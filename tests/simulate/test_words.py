@@ -9,10 +9,10 @@ import pytest
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.words import (
     decision_in_words,
-    plan_in_words,
     sum_in_words,
     warnings_in_words,
 )
+from tests.support.plan_words import plan_in_words
 
 
 def model(basis: Basis, bound: float, **more: object) -> Decision:

@@ -93,22 +93,29 @@ def scene(seed: int) -> Scene:
 
 
 class Balance:
-    """Harmonic balance of a scene; unknowns are the lines (2 modes, n) of x = Re sum X exp."""
+    """Harmonic balance of a scene; unknowns are the lines (2 modes, n) of x = Re sum X exp.
 
-    def __init__(self, scene: Scene) -> None:
+    Lines up to ``order``, on a grid of ``phases`` of each tone.
+    """
+
+    def __init__(self, scene: Scene, order: int = ORDER, phases: int = PHASES) -> None:
+        self.order = order
         v, tones = scene.values, scene.tones_hz
         c, s = math.cos(v["theta"]), math.sin(v["theta"])
         t = np.array([[c, -s], [s, c]])
         damping = TWO_PI * t @ np.diag([v["d1"], v["d2"]]) @ t.T
-        stiffness = np.diag([(TWO_PI * v["eta_plus"]) ** 2, (TWO_PI * v["eta_minus"]) ** 2])
+        eta = np.array([v["eta_plus"], v["eta_minus"]])
         self.cubic = v["alpha1"], v["alpha2"], v["kappa"]
-        self.orders = _orders(len(tones))
-        speed = TWO_PI * np.array(self.orders) @ np.array(tones)
+        self.orders = _orders(len(tones), order)
+        # a line next to a mode: the difference of their frequencies is exact, that of squares not
         self.linear = np.array(
-            [stiffness - w * w * np.eye(2) + 1j * w * damping for w in speed]
+            [
+                np.diag(TWO_PI**2 * (eta - f) * (eta + f)) + 1j * TWO_PI * f * damping
+                for f in np.array(self.orders) @ np.array(tones)
+            ]
         )  # (n, 2, 2)
-        phases = np.arange(PHASES) / PHASES * TWO_PI
-        grid = np.stack(np.meshgrid(*[phases] * len(tones), indexing="ij")).reshape(len(tones), -1)
+        turn = np.arange(phases) / phases * TWO_PI
+        grid = np.stack(np.meshgrid(*[turn] * len(tones), indexing="ij")).reshape(len(tones), -1)
         self.waves = np.exp(1j * np.array(self.orders) @ grid)  # (n, grid)
         self.force = np.zeros((2, len(self.orders)), dtype=complex)
         for k in range(len(tones)):
@@ -167,23 +174,23 @@ class Balance:
             if not np.abs(change).max() < 1e3 * size:
                 break
             if np.abs(change).max() < 1e-13 * size:
-                last = [sum(map(abs, o)) == ORDER for o in self.orders]
+                last = [sum(map(abs, o)) == self.order for o in self.orders]
                 if np.abs(lines[:, last]).max() > 1e-9 * size:
                     raise NotComparable("the last order still counts")
                 return lines
         raise NotComparable("no steady motion near this one")
 
 
-def _orders(tones: int) -> list[tuple[int, ...]]:
+def _orders(tones: int, order: int) -> list[tuple[int, ...]]:
     """Odd combinations of the tones up to the highest order, one of each with its mirror."""
     if tones == 1:
-        return [(k,) for k in range(1, ORDER + 1, 2)]
-    span = range(-ORDER, ORDER + 1)
+        return [(k,) for k in range(1, order + 1, 2)]
+    span = range(-order, order + 1)
     return [
         (i, j)
         for i in span
         for j in span
-        if abs(i) + abs(j) in range(1, ORDER + 1, 2) and (i > 0 or (i == 0 and j > 0))
+        if abs(i) + abs(j) in range(1, order + 1, 2) and (i > 0 or (i == 0 and j > 0))
     ]
 
 

@@ -20,10 +20,9 @@ from fitting.inference.likelihood.knowledge import (
 from fitting.simulate.budget import Basis, Budget, Decision
 from fitting.simulate.budget import Kind as Decided
 from fitting.simulate.drive import Drive
-from fitting.simulate.drive_plan import DrivePlan
 from fitting.simulate.frf import Curve, Jump, Sweep, SweepResponse
-from fitting.simulate.response import DriveResponse, Spectrum, Trace
-from fitting.simulate.unsteady import Remainder, RemainderKind
+from fitting.simulate.planner import DrivePlan
+from fitting.simulate.response import DriveResponse, Remainder, RemainderKind, Spectrum, Trace
 from fitting.text.estimate import OutputEstimate, ParameterEstimate, Verdict
 
 TONES_HZ = (6940160.0, 6940360.0)

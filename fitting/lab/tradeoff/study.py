@@ -19,7 +19,7 @@ from fitting.lab.tradeoff.settings import (
     settings_of,
     simulated_by,
 )
-from fitting.simulate.cost import processor_s
+from fitting.simulate.probe import processor_s
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.journal import Journal
