@@ -96,7 +96,7 @@ class Outcome:
     @property
     def kept(self) -> bool:
         """Whether the error is within what was promised, and what the truth is known to."""
-        return not self.error > self.promised + ROUNDING * self.scene.q
+        return self.error <= self.promised + ROUNDING * self.scene.q
 
 
 def scene_of(seed: int, number: int) -> Scene:
