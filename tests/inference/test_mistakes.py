@@ -164,7 +164,14 @@ def test_a_scale_from_a_clipped_top_determines_nothing(tmp_path: Path) -> None:
     assert 'scale = "free"' in found.message
 
 
-@pytest.mark.parametrize("seed", [8, pytest.param(40, marks=pytest.mark.nightly)])
+#: The end of a fit is up to 0.05 of chi square above the minimum of such a valley.
+FLAT = pytest.mark.xfail(reason="a flat valley: its ends differ by a tenth of the error")
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [8, pytest.param(40, marks=pytest.mark.nightly), pytest.param(32, marks=FLAT)],
+)
 def test_errors_hold_a_scale_that_is_off_by_little(seed: int, tmp_path: Path) -> None:
     """The same peaks beside a sweep of larger amplitudes: the width moves by what is said."""
     off, laboratory = 0.001, KINDS["misuse"](seed)
