@@ -70,25 +70,17 @@ def fit_trace(  # noqa: PLR0913 - keywords that all have defaults
     """
     if not outputs:
         raise BadInput("fit_trace: no outputs, wanted values of one at least")
-    count = np.size(time_s)
-    for kind, arrays in (("input", inputs), ("output", outputs)):
-        for name, values in arrays.items():
-            if not isinstance(values, Pulse | Chirp) and np.shape(values) != (count,):
-                found = f"{kind} '{name}': found values of shape {np.shape(values)}"
-                raise BadInput(f"{found}, wanted ({count},), one for each time")
     fmu, names = opened_fmu(fmu), list(outputs)
     first, *others = inputs or ("",)
     driven = {
-        name: values
-        if isinstance(values, Pulse | Chirp)
-        else (np.asarray(time_s), np.asarray(values))
+        name: values if isinstance(values, Pulse | Chirp) else (time_s, values)
         for name, values in inputs.items()
     }
     setup = Setup(Drive(), names[0], start_values=dict(start_values or {}))
     traces = [
         Trace(
-            np.asarray(time_s),
-            np.asarray(outputs[name]),
+            time_s,
+            outputs[name],
             setup=setup,
             input=first,
             driven=driven.get(first),

@@ -41,6 +41,8 @@ BARELY_P = 0.2
 WORTH, WORTH_SHARE = 1.0, 1e-2
 #: Ends closer than this share of the box are one minimum, if their chi squares are one, too.
 SAME = 0.02
+#: Bases of Halton's sequence, one for each edge that it fills.
+PRIMES = (2, 3, 5)
 #: How far a prior reaches from its middle, in standard deviations: beyond, nothing fits as well.
 PRIOR_SIGMAS = 3.0
 
@@ -87,17 +89,16 @@ class Box:
         count = int(np.count_nonzero(self.free))
         if not count:
             return []
-        if count > FEW:  # there Halton's points missed 2 of 20 crossings that these find
+        if count > len(PRIMES):  # there Halton's points missed 2 of 20 crossings that these find
             from scipy.stats.qmc import Sobol
 
             sequence = Sobol(count, scramble=True, seed=np.random.default_rng(seed))
             if skip:
                 sequence.fast_forward(skip)
             return [self.from_cube(u) for u in sequence.random(number)]
-        primes = (2, 3, 5)[:count]
         places = np.arange(skip + 1, skip + number + 1)
         shift = np.random.default_rng(seed).random(count)
-        cube = np.stack([radical_inverse(places, prime) for prime in primes], axis=1)
+        cube = np.stack([radical_inverse(places, prime) for prime in PRIMES[:count]], axis=1)
         return [self.from_cube(u) for u in np.mod(cube + shift, 1.0)]
 
     def from_cube(self, u: FloatArray) -> FloatArray:

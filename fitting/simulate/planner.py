@@ -522,16 +522,14 @@ class _Planner:
             after = self._settle(reduced)
             # of the state alone, and its orbit closes: an exact start, which has no price but time
             closes = reduction.start and after.steady and after.settle_s == 0.0
-            # the error first where a run tells it: no clock then decides what cannot be taken
-            is_stated, part = bool(self._bound_outputs(reduction)), 0.0
-            if is_stated:
-                basis, bound, numbers = self._effect(settings, reduction, after, closes)
-            if not forced and not (is_stated and bound > left and not self._is_too_long(settings)):
-                part = self._part(settings, reduced, reduction, after)
+            # an error that the FMU states comes first: no clock decides what is too far off
+            stated = self._bound_outputs(reduction)
+            effect = self._effect(settings, reduction, after, closes) if stated else None
+            is_off = effect is not None and effect[1] > left and not self._is_too_long(settings)
+            part = 0.0 if forced or is_off else self._part(settings, reduced, reduction, after)
             if part > (1.0 if closes else CHEAPER):  # what does not pay is not examined
                 return decision
-            if not is_stated:
-                basis, bound, numbers = self._effect(settings, reduction, after, closes)
+            basis, bound, numbers = effect or self._effect(settings, reduction, after, closes)
         except FmuFailure as error:
             if forced or isinstance(error, NoAnswer):
                 raise

@@ -117,12 +117,16 @@ class TraceRecord(TimeRecord):
     def waveforms(self) -> Mapping[str, Waveform]:
         """What drives each input; times on the clock of the trace."""
         driven = {} if self.driven is None else {self.input: self.driven}
-        return {name: self._waveform(each) for name, each in {**driven, **self.further}.items()}
+        return {
+            name: self._waveform(name, each) for name, each in {**driven, **self.further}.items()
+        }
 
-    def _waveform(self, driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform) -> Waveform:
+    def _waveform(
+        self, name: str, driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform
+    ) -> Waveform:
         if isinstance(driven, tuple):
             time_s, values = (as_numbers(v, f"{self.source}: driven") for v in driven)
-            return Recorded(time_s, values, self.interpolation)
+            return Recorded(time_s, values, self.interpolation, source=f"input '{name}'")
         return driven
 
     @cached_property

@@ -62,6 +62,7 @@ class Recorded:
         time_s: Times of the values, shape (n,), s, rising.
         values: Of the input, shape (n,), in the FMU's unit.
         interpolation: "held" or "linear".
+        source: What complaints name it by.
 
     Raises:
         BadInput: shapes that differ, times that do not rise, values that are not finite.
@@ -70,20 +71,25 @@ class Recorded:
     time_s: FloatArray
     values: FloatArray
     interpolation: str = LINEAR
+    source: str = "input"
 
     def __post_init__(self) -> None:
         for name in ("time_s", "values"):
             object.__setattr__(self, name, as_numbers(getattr(self, name), name))
         t, u = self.time_s, self.values
         if t.ndim != 1 or t.shape != u.shape or not t.size:
-            raise BadInput(f"input: {t.shape} times and {u.shape} values, wanted equally many")
+            raise BadInput(
+                f"{self.source}: {t.shape} times and {u.shape} values, wanted equally many"
+            )
         if not (np.isfinite(t).all() and np.isfinite(u).all()):
-            raise BadInput("input: wanted finite numbers")
+            raise BadInput(f"{self.source}: wanted finite numbers")
         if np.any(np.diff(t) <= 0.0):
-            raise BadInput("input: times do not rise; wanted each later than the one before")
+            raise BadInput(
+                f"{self.source}: times do not rise; wanted each later than the one before"
+            )
         if self.interpolation not in INTERPOLATIONS:
             raise BadInput(
-                f'input: interpolation is {self.interpolation!r}, wanted "held" or "linear"'
+                f'{self.source}: interpolation is {self.interpolation!r}, wanted "held" or "linear"'
             )
 
     @cached_property
