@@ -17,7 +17,8 @@ explain: it is in the intervals then, and no fault of the model.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import gammaincc
@@ -33,7 +34,7 @@ from fitting.signal.chi_square import tail
 from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of, of_one_size
 from fitting.signal.presence import SURELY, chance
 from fitting.signal.residual_tests import STRUCTURED, Structure, innovations
-from fitting.text.arrays import BoolArray, FloatArray
+from fitting.text.arrays import BoolArray, FloatArray, IntArray
 
 #: Parts of a curve whose residuals are compared in size where their noise is not stated.
 PARTS = 4
@@ -42,6 +43,33 @@ PARTS = 4
 RESOLVED = 1.0
 #: Share of the rows of a measurement that a fit may take away where they are tested for structure.
 MOST_TAKEN = 0.25
+
+
+@dataclass(frozen=True)
+class _Along:
+    """Residuals of a curve in the order of its axis, or of all curves of a measurement in turn.
+
+    Args:
+        name: of the curve; of all of them, that of the measurement.
+        rows: numbers of the rows, shape (n,).
+        white: residuals over their noise, shape (n,).
+        share: of a residual over the largest amplitude of its curve, shape (n,).
+    """
+
+    name: str
+    rows: IntArray
+    white: FloatArray
+    share: FloatArray
+
+    @classmethod
+    def of_all(cls, name: str, curves: Sequence[_Along]) -> _Along:
+        """Curves of one measurement, one after the other."""
+        return cls(
+            name,
+            np.concatenate([curve.rows for curve in curves]),
+            np.concatenate([curve.white for curve in curves]),
+            np.concatenate([curve.share for curve in curves]),
+        )
 
 
 def adequacy_of(
@@ -128,26 +156,33 @@ def _along_curves(
     """
     data, bounded = optimum.likelihood.objective.data, optimum.likelihood.bounded
     off = bounded.largest if bounded.own.size else np.zeros(rows.size)
-    curves = [
-        (m.series, at.start + curve.rows, curve)
-        for m, at in zip(data.measurements, data.slices, strict=True)
-        for curve in m.residual_curves(rows[at])
-        if m.solved_inside + np.sum(taken[at]) < MOST_TAKEN * m.rows
-    ]
+    asked: list[_Along] = []
+    for m, at in zip(data.measurements, data.slices, strict=True):
+        if m.solved_inside + np.sum(taken[at]) >= MOST_TAKEN * m.rows:
+            continue
+        each = []
+        for curve in m.residual_curves(rows[at]):
+            mine = np.asarray(at.start + curve.rows)
+            name = "/".join(filter(None, (m.series, curve.name)))
+            # what rows share, as the error of a scale, is no structure
+            white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
+            each.append(_Along(name, mine, white, curve.share))
+        asked += each
+        if len(each) > 1:  # what every sweep of a map has too weakly to be told alone
+            asked.append(_Along.of_all(m.series, each))
     correlated = np.zeros(rows.size, dtype=bool)
     worst, name, highest, others = Correlation(), "", -1.0, [1.0]
-    for series, mine, curve in curves:
+    for along in asked:
+        mine = along.rows
         known = bool(np.all(data.sigma[mine] > 0.0))
-        # what rows share, as the error of a scale, is no structure
-        white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
-        left = white * stated.sigma[mine]
+        left = along.white * stated.sigma[mine]
         test = Correlation()
-        if not known or float(white @ white) >= RESOLVED:
-            test = correlation(white, left * curve.share, equal=known or _is_equal(left))
-        excused = float(np.sqrt(np.mean((off[mine] * curve.share) ** 2)))
+        if not known or float(along.white @ along.white) >= RESOLVED:
+            test = correlation(along.white, left * along.share, equal=known or _is_equal(left))
+        excused = float(np.sqrt(np.mean((off[mine] * along.share) ** 2)))
         test = replace(
             test,
-            p_value=min(1.0, test.p_value * len(curves)),
+            p_value=min(1.0, test.p_value * len(asked)),
             excused=max(test.excused, excused),
         )
         if test.misfit is not Misfit.NONE:
@@ -156,17 +191,17 @@ def _along_curves(
             others.append(test.p_value)
         rank = 1.0 - test.p_value if test.misfit.describes else 2.0 + test.share
         if rank > highest:
-            worst, name, highest = test, "/".join(filter(None, (series, curve.name))), rank
+            worst, name, highest = test, along.name, rank
     summary = Adequacy(
         chi_square=math.nan,
         freedom=0.0,
         p_value=math.nan,
         describes=worst.misfit.describes,
-        correlated_p=worst.p_value if curves else math.nan,
-        share=worst.share if curves else math.nan,
+        correlated_p=worst.p_value if asked else math.nan,
+        share=worst.share if asked else math.nan,
         curve=name,
     )
-    return correlated, min(others) if curves else math.nan, summary
+    return correlated, min(others) if asked else math.nan, summary
 
 
 def _is_equal(left: FloatArray) -> bool:

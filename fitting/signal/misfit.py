@@ -1,8 +1,9 @@
 """What a misfit does to the values: one rule for the residuals of every kind of measurement.
 
-(a) Residuals that are correlated along the axis of a curve (P < CORRELATED) and whose structured
-    part exceeds SHARE of its largest amplitude: the model does not describe the data. Below: the
-    values hold with the errors of the effective sample size.
+(a) Residuals that are correlated along the axis of a curve, or of all curves of a measurement one
+    after the other (P < CORRELATED), and whose structured part exceeds SHARE of the largest
+    amplitude: the model does not describe the data. Below: the values hold with the errors of the
+    effective sample size.
 (b) Uncorrelated residuals of TESTABLE degrees of freedom or more, P(chi^2) < IMPROBABLE and
     chi^2/freedom > NOTICED: the noise is larger than stated, by sqrt(chi^2/freedom); where a part
     of them alone is so large (`of_one_size`), the model does not describe the data.

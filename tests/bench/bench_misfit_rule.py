@@ -4,10 +4,11 @@
     python -m tests.bench.bench_misfit_rule --drawn 50   # fewer data sets of each cell
 
 A damped line of three unknowns (height, frequency, width) is fitted to dof + 3 points in closed
-form: no FMU. Right models: white noise of the stated
-size, or of 1.5, 2 and 3 times that. Wrong ones: data with something that the fitted model does not
-have. Per cell: shares that are refused, that give values with a finding, that give values without
-a word; and of those that give values, how often a value is more than 4 of its errors off.
+form: no FMU. Right models: white noise of the stated size, or of 1.5, 2 and 3 times that. Wrong
+ones: data with something that the fitted model does not have. Some data are twelve sweeps over one
+axis, each of a twelfth of the points, as a map over a voltage has them. Per cell: shares that are
+refused, that give values with a finding, that give values without a word; and of those that give
+values, how often a value is more than 4 of its errors off.
 
 A false refusal is a right model that is refused, a false acceptance a wrong model that gives values
 without a word, or a value more than 4 errors off.
@@ -19,7 +20,7 @@ import argparse
 import math
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -30,6 +31,8 @@ from fitting.signal.residual_tests import residual_structure
 from fitting.text.arrays import FloatArray
 
 FREEDOM = (4, 8, 20, 100, 1000)
+#: Sweeps of a map, and its degrees of freedom.
+SWEEPS, FREEDOM_OF_MAP = 12, (100, 1000)
 UNKNOWNS = 3
 #: Noise over the height of the line.
 NOISE = 0.02
@@ -92,13 +95,20 @@ class Outcome:
         return "plain" if self.misfit is Misfit.NONE else "finding"
 
 
-def judged(data: FloatArray, x: FloatArray) -> Outcome:
+#: What is drawn as a map, too.
+OF_MAPS = ("noise 1 times as large", "noise 2 times as large", "offset of 10 %", "slope of 20 %")
+
+
+def judged(data: FloatArray, x: FloatArray, sweeps: int = 1) -> Outcome:
     """A fit of the line to data of the stated noise, and what the rule says of it."""
     found = least_squares(lambda p: line(x, *p) - data, TRUTH, method="lm")
     rows, matrix = np.asarray(found.fun), np.asarray(found.jac)
     freedom = float(x.size - UNKNOWNS)
     square = float(np.sum((rows / NOISE) ** 2))
-    along = correlation(rows / NOISE, rows / np.max(data))
+    parts = [rows, *np.array_split(rows, sweeps)] if sweeps > 1 else [rows]
+    tests = [correlation(part / NOISE, part / np.max(data)) for part in parts]
+    tests = [replace(test, p_value=min(1.0, test.p_value * len(tests))) for test in tests]
+    along = max(tests, key=lambda test: (not test.misfit.describes, -test.p_value))
     misfit = along.misfit
     if misfit is Misfit.NONE:
         misfit = misfit_of(square, freedom, tail(square, freedom), along.p_value)
@@ -124,6 +134,12 @@ def cells(drawn: int) -> Iterator[tuple[str, bool, int, list[Outcome]]]:
                 rng = np.random.default_rng(zlib.crc32(f"{name}{freedom}".encode()))
                 x = np.linspace(-3.0, 3.0, freedom + UNKNOWNS)
                 yield name, right, freedom, [judged(make(x, rng), x) for _ in range(drawn)]
+            for freedom in FREEDOM_OF_MAP if name in OF_MAPS else ():
+                rng = np.random.default_rng(zlib.crc32(f"{name}{freedom} map".encode()))
+                x = np.tile(np.linspace(-3.0, 3.0, (freedom + UNKNOWNS) // SWEEPS + 1), SWEEPS)
+                drawings = (make(x, rng) for _ in range(drawn))
+                found = [judged(data, x, SWEEPS) for data in drawings]
+                yield f"{name}, {SWEEPS} sweeps", right, x.size - UNKNOWNS, found
 
 
 def share(outcomes: Sequence[Outcome], kind: str) -> float:

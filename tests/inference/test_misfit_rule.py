@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from fitting.inference.joint import (
     pair_findings,
 )
 from fitting.inference.likelihood.knowledge import PairTest
-from fitting.measurements.measurement import Prediction
+from fitting.measurements.measurement import Prediction, ResidualCurve
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra
 from fitting.measurements.sweep import Sweep
@@ -27,6 +28,8 @@ from fitting.measurements.tones import Tones
 from fitting.report.published import rows_of
 from fitting.result.assembly import result_of
 from fitting.result.result import Provenance
+from fitting.signal.residual_tests import white_noise_p
+from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Kind
 from tests.support.curve_fits import (
@@ -105,6 +108,39 @@ def test_small_structure_gives_values_with_the_errors_of_fewer_points() -> None:
         value = found.parameters[name]
         assert value.std > 3.0 * plain.parameters[name].std
         assert abs(value.value - truth) < 4.0 * value.std
+
+
+@dataclass(frozen=True)
+class SweepOfPieces(Sweep):
+    """Twelve sweeps of nine points over the same axis, with one model."""
+
+    def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
+        [whole] = super().residual_curves(residuals)
+        rows = whole.rows.reshape(12, 9)
+        return [
+            replace(
+                whole,
+                rows=mine,
+                share=whole.share[mine],
+                axis=whole.axis[mine],
+                columns={kind: column[mine] for kind, column in whole.columns.items()},
+                name=f"piece {k}",
+            )
+            for k, mine in enumerate(rows)
+        ]
+
+
+@pytest.mark.parametrize("times", [0.0, 1.0])
+def test_what_every_sweep_has_too_weakly_is_seen_in_all_of_them(times: float) -> None:
+    """A slope of a quarter of the line is beyond chance in none of the sweeps of nine points."""
+    u = np.tile(np.linspace(CENTRE_HZ - 24.0, CENTRE_HZ + 24.0, 9), 12)
+    background = 0.25 * times * np.tile(np.linspace(-1.0, 1.0, 9), 12)
+    drawn = 0.07 * np.random.default_rng(3).standard_normal(u.size)
+    plain = sweep(line(u) + background + drawn, 0.07, u)
+    pieces = SweepOfPieces(**{f.name: getattr(plain, f.name) for f in fields(plain) if f.init})
+    found = inferred(fitted([pieces], lambda p: [Prediction(line(u, *p))]))
+    assert found.status is (Status.MISFIT if times else Status.CONVERGED)
+    assert min(white_noise_p(rows) for rows in (background + drawn).reshape(12, 9)) > 1e-4
 
 
 # --- (b) uncorrelated residuals -----------------------------------------------------------------
