@@ -93,9 +93,9 @@ def test_a_tone_that_is_switched_off_has_no_frequency(fmu: ff.Fmu) -> None:
     assert RungeKuttaSolver(p, 0.0).substep == 1.0 / (40 * 2.1e3)
     assert RungeKuttaSolver(p._replace(A2=1.0), 0.0).substep == 1.0 / (40 * 6.94e6)
     scene = {"A2": 0.0, "eta_plus": 2.0e3, "eta_minus": 2.1e3, "u1": 2.001e3, "solver": 2}
-    plan = fmu.plan({**scene, "d1": 5.0, "d2": 5.0, "theta": 0.0}, accuracy=1e-4)
+    plan = fmu.plan({**scene, "d1": 5.0, "d2": 5.0, "theta": 0.0}, accuracy=1e-2)
     assert plan.drives[0].tones_hz == (2.001e3,)
-    assert plan.promised <= 1e-4
+    assert plan.promised <= 1e-2
     truth = amplitude_of_one_mode(2.001e3, 2.0e3, 5.0)
     assert float(plan.amplitudes[0][0, 0]) == pytest.approx(truth, rel=plan.promised)
 
