@@ -120,8 +120,10 @@ def solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -> tuple[li
                 rows[k][j] -= factor * rows[i][j]
     x = [0.0] * size
     for i in reversed(range(size)):
-        rest = rows[i][size] - sum(rows[i][j] * x[j] for j in range(i + 1, size))
-        x[i] = rest / rows[i][i]
+        known = 0.0
+        for j in range(i + 1, size):  # sum() of Python 3.12 rounds another way than the native twin
+            known += rows[i][j] * x[j]
+        x[i] = (rows[i][size] - known) / rows[i][i]
     return x, sign
 
 
