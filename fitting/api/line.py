@@ -28,7 +28,7 @@ from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns, read_trace_of
 from fitting.resonance.record import MeasuredLine
 from fitting.resonance.ringdown import ringdown_of
-from fitting.resonance.trace import trace_of
+from fitting.resonance.trace import Trace, trace_of
 from fitting.signal.line_record import LineNumber, fields_of
 from fitting.text.arguments import checked, renamed
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -144,7 +144,8 @@ class Ringdown(FittedLine, decays.Ringdown):
     68 of 100 such records, ``ci95`` that holds it in 95, and ``unit``.
 
     Attributes:
-        frequency: eigenfrequency, Hz; NaN where the record does not determine it.
+        frequency: at which it rings, Hz; NaN where the record does not determine it.
+        eigenfrequency: that of the mode without damping, as a sweep has it, Hz.
         offset: of demodulated values, from the reference, Hz.
         width: full width at half of the power, Hz.
         q: their ratio.
@@ -245,7 +246,7 @@ def line(  # noqa: PLR0913 - what a line may be asked to be
         BadInput: a file that is not read, no resonance, one that the ends of the sweep cut off, two
             of them, or too few points.
     """
-    trace = _record(
+    record = _record(
         source,
         values,
         lambda path: read_trace_of(path, columns or Columns()),
@@ -255,9 +256,21 @@ def line(  # noqa: PLR0913 - what a line may be asked to be
     terms = form_of_terms(shape, background, noise)
     if wiring and terms:
         raise BadInput("wiring: is shape, background and noise in one; wanted these or wiring")
-    if terms == OFFSET and trace.is_complex:
-        terms = FANO  # a complex constant
-    result = line_of(trace.within(*within_hz), wiring or terms, delayed=delay)
+    return line_in(record.within(*within_hz), wiring or terms, delay=delay)
+
+
+def line_in(trace: Trace, form: str, *, delay: bool | None, count: int | None = 1) -> Line:
+    """The line of a trace, or several that are fitted together; see `line`.
+
+    Args:
+        trace: What was measured.
+        form: Of the line; empty: forms are compared.
+        delay: Whether the delay of a cable is fitted; None: compared.
+        count: Number of lines; None: as many as the points show.
+    """
+    if form == OFFSET and trace.is_complex:
+        form = FANO  # a complex constant
+    result = line_of(trace, form, delayed=delay, count=count)
     return Line(**fields_of(result, sweeps.Line))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,16 +18,18 @@ from fitting.api.line import (
     NoiseLine,
     Ringdown,
     kind_of_file,
-    line,
+    line_in,
     noise_line,
     ringdown,
 )
 from fitting.api.printed import data_frame
+from fitting.lines.names import form_of_terms
 from fitting.report.table import Table, html_table, table, terminal_text, text_lines
 from fitting.resonance.file_control import differing_quantity
+from fitting.resonance.reading import read_trace_of
 from fitting.signal.line_record import LineNumber
 from fitting.text.arguments import checked
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, SeveralSweeps
 from fitting.text.results_folder import remove_earlier, results_folder
 
 #: What `write_lines` writes.
@@ -38,28 +40,42 @@ NUMBER = "file number"
 
 @dataclass(frozen=True, kw_only=True)
 class LineRow:
-    """The line of one file.
+    """The line of one file, or one of several lines or sweeps in it.
 
     Attributes:
         file: its path.
         control: the value that its name or its head has; without one the number of the file.
         line: what was fitted; None where it failed.
         reason: why it failed; else empty.
+        sweep: name of the sweep in a file that holds several; else empty.
+        number: of the line in its sweep, from 0, the one with the largest amplitude.
+        is_one_of_several: whether as many lines were requested as were fitted.
     """
 
     file: str
     control: float
     line: Line | Ringdown | NoiseLine | None
     reason: str = ""
+    sweep: str = ""
+    number: int = 0
+    is_one_of_several: bool = False
+
+    @property
+    def name(self) -> str:
+        """The file, with the sweep in it."""
+        return f"{self.file}: {self.sweep}" if self.sweep else self.file
 
     @property
     def numbers(self) -> dict[str, LineNumber]:
         """Frequency, FWHM, Q and amplitude, of a noise spectrum the rms in place of it."""
-        if self.line is None:
+        whole = self.line
+        if whole is None:
             return {}
-        last = self.line.rms if isinstance(self.line, NoiseLine) else self.line.amplitude
-        made = {"frequency": self.line.frequency, "width": self.line.width, "q": self.line.q}
-        return made | {"amplitude": last}
+        each: Any = whole
+        if self.number and isinstance(whole, Line):
+            each = whole.others[self.number - 1]
+        last = whole.rms if isinstance(whole, NoiseLine) else each.amplitude
+        return {"frequency": each.frequency, "width": each.width, "q": each.q, "amplitude": last}
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -68,7 +84,7 @@ class LineRow:
         if found is None:
             return ()
         made = [f"residuals {what}" for what in found.structure.found]
-        made += ["second line"] * (found.second is not None)
+        made += ["second line"] * (found.second is not None and not self.is_one_of_several)
         if isinstance(found, Line):
             made += [fault.fault.value for fault in found.faults]
             made += ["frequency depends on the amplitude"] * (found.bend is not None)
@@ -79,7 +95,7 @@ class LineRow:
 
     def to_dict(self) -> dict[str, str | float]:
         """A flat row, as ``pandas.DataFrame`` takes it; NaN and empty where it failed."""
-        made: dict[str, str | float] = {"file": self.file, "control": self.control}
+        made: dict[str, str | float] = {"file": self.name, "control": self.control}
         for name in ("frequency", "width", "q", "amplitude"):
             each = self.numbers.get(name)
             made[name] = math.nan if each is None else each.value
@@ -91,10 +107,10 @@ class LineRow:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Lines:
-    """The lines of many files, in their order.
+    """The lines of many files, in their order, those of one sweep by rising frequency.
 
     Attributes:
-        rows: one for each file.
+        rows: one for each file, or for each sweep in it, or each line that was requested.
         control: name of the quantity that differs from file to file.
         unit: of it; "1": none.
     """
@@ -131,7 +147,7 @@ class Lines:
         return data_frame(self.to_dict(), "file")
 
     def __repr__(self) -> str:
-        failed = [f"{row.file}: {row.reason}" for row in self.rows if row.reason]
+        failed = [f"{row.name}: {row.reason}" for row in self.rows if row.reason]
         return terminal_text("\n".join([*text_lines(self.table), *failed]))
 
     def _repr_html_(self) -> str:
@@ -150,15 +166,18 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
     noise: str = "",
     delay: bool | None = None,
     demodulated_at_hz: float | None = None,
+    count: int | str = 1,
     columns: Columns | None = None,
 ) -> Lines:
-    """The line of each of many files, with the control that differs from file to file.
+    """The lines of many files or sweeps, with the control that differs from file to file.
 
     The control is a number in the names of the files, as ``Vg=-6`` or ``20mK``, else in the lines
-    above their tables. A file that fails is a row with its reason.
+    above their tables. A file that fails is a row with its reason. A file that holds several sweeps
+    (HDF5, MATLAB, TDMS, LabOne) has a row for each of them, as if each were a file.
 
     Args:
-        files: Their paths, two at least, each with one sweep, ringdown or noise spectrum.
+        files: Their paths, each with sweeps, ringdowns or noise spectra; one alone with several
+            sweeps, or with ``count``.
         kind: Of files over frequency: "noise" or "sweep"; empty: by unit and name.
         within: First and last frequency that are taken, Hz, of ringdowns times, s; None: all.
         wiring: Of sweeps, see `line`.
@@ -167,19 +186,31 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
         noise: Of sweeps, see `line`.
         delay: Of sweeps, see `line`.
         demodulated_at_hz: Of ringdowns, the frequency of the demodulator, Hz.
+        count: How many lines each sweep has, fitted together, a row for each; "auto": as many as
+            its points show.
         columns: What the files do not tell.
 
     Raises:
-        BadInput: fewer than two files, or none of them has a line.
+        BadInput: one file with one sweep, or none of the files has a line.
     """
-    if isinstance(files, str | PathLike) or len(files) < 2:
+    paths = [Path(file) for file in ([files] if isinstance(files, str | PathLike) else files)]
+    if count != "auto" and not (isinstance(count, int) and count >= 1):
+        raise BadInput(f'count: found {count!r}, wanted a number of lines, or "auto"')
+    if wiring and (shape or background or noise):
+        raise BadInput("wiring: is shape, background and noise in one; wanted these or wiring")
+    form = wiring or form_of_terms(shape, background, noise)
+
+    parts = [part for path in paths for part in _parts(path, columns or Columns(), kind)]
+    if len(parts) < 2 and count == 1:
         raise BadInput("lines: found one file, wanted two or more; of one file: line")
-    paths, known = [Path(file) for file in files], columns or Columns()
-    control = _control(paths)
+    control = _control(paths) if len(parts) == len(paths) else None
+    if control is None:
+        control = NUMBER, "1", tuple(float(k + 1) for k in range(len(parts)))
+
     rows, errors = [], []
-    for path, value in zip(paths, control[2], strict=True):
+    for (path, sweep, known), value in zip(parts, control[2], strict=True):
         found: Line | Ringdown | NoiseLine | None = None
-        reason = ""
+        numbers, reason = [0], ""
         try:
             what = kind_of_file(path, known, kind)
             if what == RINGDOWN:
@@ -189,23 +220,45 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
             elif what == NOISE:
                 found = noise_line(path, within_hz=within, columns=known)
             else:
-                found = line(
-                    path,
-                    within_hz=within,
-                    wiring=wiring,
-                    shape=shape,
-                    background=background,
-                    noise=noise,
-                    delay=delay,
-                    columns=known,
-                )
+                trace = read_trace_of(path, known).within(*within)
+                wanted = None if isinstance(count, str) else count
+                found = line_in(trace, form, delay=delay, count=wanted)
+                if count != 1:
+                    each = [found, *found.others]
+                    numbers = sorted(range(len(each)), key=lambda k: each[k].frequency.value)
         except BadInput as error:
             errors.append(str(error))
             reason = str(error).removeprefix(f"{path}: ")
-        rows.append(LineRow(file=str(path), control=value, line=found, reason=reason))
-    if len(errors) == len(rows):
+        rows += [
+            LineRow(
+                file=str(path),
+                control=value,
+                line=found,
+                reason=reason,
+                sweep=sweep,
+                number=k,
+                is_one_of_several=len(numbers) > 1,
+            )
+            for k in numbers
+        ]
+    if len(errors) == len(parts):
         raise BadInput(*errors)
     return Lines(rows=tuple(rows), control=control[0], unit=control[1])
+
+
+def _parts(path: Path, columns: Columns, kind: str) -> list[tuple[Path, str, Columns]]:
+    """Each sweep of a file, by its name, and the columns that choose it."""
+    try:
+        kind_of_file(path, columns, kind)
+    except SeveralSweeps as error:
+        return [
+            (path, str(name), replace(columns, **{key: name}))
+            for part in error.parts
+            for key, name in part.items()
+        ]
+    except BadInput:
+        pass  # what reads it states why
+    return [(path, "", columns)]
 
 
 def _control(paths: Sequence[Path]) -> tuple[str, str, tuple[float, ...]]:

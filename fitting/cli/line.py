@@ -106,6 +106,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         group.add_argument(f"--{name}", choices=tuple(values), help=words)
     parser.add_argument("--wiring", choices=WIRINGS, help=argparse.SUPPRESS)
     parser.add_argument(
+        "--lines",
+        metavar="N",
+        help="number of lines of each sweep, which are fitted together and have a row each; auto: "
+        "as many as the points show (default: one)",
+    )
+    parser.add_argument(
         "--demodulated-at",
         metavar="F",
         help='of a demodulated ringdown: the frequency of the lock-in, as "1.2 MHz"',
@@ -131,15 +137,19 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BadInput: a file that is not read, or without one resonance that it holds whole.
     """
-    if len(args.files) > 1:
+    if len(args.files) > 1 or args.lines is not None:
         return _of_many(args)
     from fitting.api.line import kind_of_file, write_line
+    from fitting.text.errors import SeveralSweeps
 
     columns = columns_of(args)
     [args.file] = args.files
     result: ff.Line | ff.Ringdown | ff.NoiseLine
     with reading(NAME, [args.file]):
-        kind = kind_of_file(args.file, columns, args.kind or "")
+        try:
+            kind = kind_of_file(args.file, columns, args.kind or "")
+        except SeveralSweeps:
+            return _of_many(args)
         over_time = kind == RINGDOWN
         _refuse_bare(args, columns, over_time=over_time)
         options, why = REFUSED[kind]
@@ -162,9 +172,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _of_many(args: argparse.Namespace) -> int:
-    """The table of several files; returns 0 where one of them has a line at least."""
+    """The table of several files, sweeps or lines; returns 0 where one has a line at least."""
     from fitting.api.line import RINGDOWN, kind_of_file
 
+    count: int | str = 1 if args.lines is None else args.lines
+    if isinstance(count, str) and count != "auto":
+        if not count.isdecimal() or int(count) < 1:
+            raise ff.BadInput(f"--lines {count}: wanted a number of lines, as 2, or auto")
+        count = int(count)
     columns = columns_of(args)
     with reading(NAME, args.files):
         ends: tuple[float | None, float | None] = (None, None)
@@ -177,6 +192,7 @@ def _of_many(args: argparse.Namespace) -> int:
             within=ends,
             **_model(args),
             demodulated_at_hz=_demodulated_at(args),
+            count=count,
             columns=columns,
         )
     hand_over(args, result.to_dict())

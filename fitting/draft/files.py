@@ -16,7 +16,7 @@ from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_lo
 from fitting.draft.questions import Answers, Question
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
 from fitting.lines.noise_model import TOGETHER
-from fitting.lines.second import TwoLines, TwoResonances, as_two
+from fitting.lines.several import TwoLines, TwoResonances, as_two
 from fitting.resonance.control_map import ControlMap
 from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import (

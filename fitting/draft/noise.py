@@ -28,7 +28,7 @@ from fitting.draft.two_modes import TwoModes, apart_hz
 from fitting.extension.records import PLAIN
 from fitting.lines.noise_model import COUPLED, TOGETHER
 from fitting.lines.noise_spectrum import NoiseFit, noise_lines
-from fitting.lines.second import TwoLines
+from fitting.lines.several import TwoLines
 from fitting.resonance.noise_reading import BY_NAME, BY_UNIT, stated_density
 from fitting.resonance.reading import Roles
 from fitting.text.arrays import FloatArray

@@ -8,8 +8,8 @@ With D = f0^2 - f^2 + i f d of each mode by itself, and k = lambda^2 the couplin
 
 times a gain, and beside a constant where there are phases. The first has lines in phase, or half a
 turn apart; of coupled modes of unlike dampings they are not. The simplest one is taken that leaves
-no more than noise lets it beside two lines of any heights and phases (`fitting.lines.pair`); both
-with one unknown less are equally simple, and the first of them goes before.
+no more than noise lets it beside two lines of any heights and phases (`fitting.lines.several`);
+both with one unknown less are equally simple, and the first of them goes before.
 
 The lines of a pair, p = f + i w/2 with residues r, give the begin: z = (r1 p2 + r2 p1)/(r1 + r2) is
 where nothing is seen, which is mode 2 of `coupled`, and p1 + p2 - z is mode 1. Amplitudes are as
@@ -24,7 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.lines.pair import Pair, pair_of
+from fitting.lines.choice import chance
+from fitting.lines.form import LineFit
+from fitting.lines.several import fit_lines
 from fitting.resonance.trace import Trace
 from fitting.signal.least_squares import minimise_squares
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
@@ -73,14 +75,24 @@ def two_modes_of(trace: Trace) -> TwoModes | None:
         trace: what was measured.
     """
     values = trace.values if trace.is_complex else trace.amplitude
-    pair = pair_of(trace.frequency_hz, values)
+    pair = fit_lines(trace.frequency_hz, values, 2)
     if pair is None:
         return None
     y = values / float(np.max(trace.amplitude))
     fits = {kind: _Fit(trace.frequency_hz, y, pair, kind).lowest() for kind in UNKNOWNS}
     linear = 4 if trace.is_complex else 1
     result = [
-        (pair.chance(squares, UNKNOWNS[kind] + linear, 1), kind)
+        (
+            chance(
+                squares,
+                UNKNOWNS[kind] + linear,
+                pair.squares,
+                pair.unknowns,
+                pair.structure,
+                trace.rows,
+            ),
+            kind,
+        )
         for kind, (squares, _) in fits.items()
         if math.isfinite(squares)
     ]
@@ -118,10 +130,19 @@ class _Fit:
     over the larger of the widths and the distance, then k over 2 f0 of it, and g.
     """
 
-    def __init__(self, f: FloatArray, y: FloatArray | ComplexArray, pair: Pair, kind: str) -> None:
-        self.f, self.y, self.kind, self.pair = f, y, kind, pair
-        self.middle = float(np.mean(pair.frequency_hz))
-        self.unit = max(float(np.ptp(pair.frequency_hz)), float(np.max(pair.width_hz)))
+    def __init__(
+        self, f: FloatArray, y: FloatArray | ComplexArray, pair: LineFit, kind: str
+    ) -> None:
+        self.f, self.y, self.kind = f, y, kind
+        heights = [1.0 + 0j, *(other.height for other in pair.others)]
+        both = list(zip((pair, *pair.others), heights, strict=True))
+        both.sort(key=lambda each: each[0].frequency.value)
+        self.numbers = [line.frequency for line, _ in both] + [line.width for line, _ in both]
+        self.place_hz = np.array([line.frequency.value for line, _ in both])
+        self.width_hz = np.array([line.width.value for line, _ in both])
+        self.height = np.array([height for _, height in both])
+        self.middle = float(np.mean(self.place_hz))
+        self.unit = max(float(np.ptp(self.place_hz)), float(np.max(self.width_hz)))
 
     def modes(self, x: FloatArray) -> list[tuple[float, float]]:
         """Frequency and width of each mode by itself, Hz."""
@@ -159,8 +180,8 @@ class _Fit:
 
     def begins(self) -> list[FloatArray]:
         """Where the fit begins, from the lines of the pair."""
-        poles = (self.pair.frequency_hz - self.middle + 0.5j * self.pair.width_hz) / self.unit
-        residues = self.pair.height * self.pair.width_hz
+        poles = (self.place_hz - self.middle + 0.5j * self.width_hz) / self.unit
+        residues = self.height * self.width_hz
         p1, p2 = map(complex, poles)
         z = complex((residues[0] * p2 + residues[1] * p1) / (residues[0] + residues[1]))
         zeros = [z] if np.iscomplexobj(self.y) else [z, z.conjugate()]
@@ -198,8 +219,8 @@ class _Fit:
             coupling_hz=strength,
             drive=drive,
             describes=describes,
-            line_hz=(*self.pair.frequency_hz.tolist(), *self.pair.width_hz.tolist()),
-            line_std_hz=tuple(self.pair.std_hz.tolist()),
+            line_hz=tuple(number.value for number in self.numbers),
+            line_std_hz=tuple(number.std for number in self.numbers),
             apart_hz=apart_hz((f1, f2), (w1, w2), strength),
         )
 

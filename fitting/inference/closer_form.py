@@ -5,8 +5,9 @@ unknowns through the same m rows can: what it leaves, S1, bounds the noise,
 
     chi^2 = S (m - k)/S1        P = P(F > ((S - S1)/(k - k0)) ((m - k)/w^2)/S1)
 
-with S of the fitted model, k0 its unknowns, and w the widening for correlated residuals of that
-form; F has k - k0, one at least, and (m - k)/w^2 degrees of freedom. The model is refused where
+with S of the fitted model, k0 its unknowns, and w what correlated residuals of that form widen
+errors by; F has k - k0, one at least, and (m - k)/w^2 degrees of freedom (`fitting.lines.choice`,
+as of `fmu-fit line`). The model is refused where
 the other form leaves a fifth of its residuals (rms): errors that are widened for correlated
 residuals hold the truth only where these are small against the line.
 
@@ -26,36 +27,27 @@ Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of square
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
 
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.knowledge import Adequacy, Rival
-from fitting.inference.line_fits import (
-    MOST_SAMPLES,
-    TRIED,
-    ComplexLines,
-    DecayingLines,
-    LineFits,
-    pair,
-    single_lines,
-)
+from fitting.inference.line_fits import MOST_SAMPLES, TRIED, DecayingLines, LineFits
+from fitting.lines.choice import FAR_MORE, chance, gain_p
 from fitting.lines.form import LineFit
 from fitting.lines.names import ADDED, OFFSET, SLOPE, TAIL, UNKNOWNS
-from fitting.lines.pair import NO_NOISE, Pair
+from fitting.lines.several import BY_CHANCE, NOISE_P, fit_lines, not_by_chance, shows_all
+from fitting.lines.sweep import single_line_fits
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.complex.wiring import BACKGROUNDS
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.traces.record import UNKNOWN, TraceRecord
 from fitting.measurements.traces.traces import Traces
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import ComplexArray, FloatArray
 
-#: Mean squares over those of the other form, and probability, from which the model is refused.
-RATIO, IMPROBABLE = 25.0, 1e-4
 #: Rows for each unknown of complex lines, at least, and most lines.
 ROWS, MOST_LINES = 3, 3
 
@@ -91,7 +83,7 @@ def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
                 refuted.append(compared(*sweep, one, fits))
             if np.ptp(m.sigma) == 0.0:
                 two = replace(model, unknowns=1 + m.solved_inside + model.unknowns)
-                refuted.append(compared_pair(*sweep, two, fits))
+                refuted.append(compared_pair(*sweep, two))
         elif isinstance(m, ComplexSweep):
             begin = rows.start
             for curve in m.records:
@@ -146,57 +138,52 @@ class _Form:
 
     squares: float
     rows: int
-    unknowns: int
-    lines: int = 1
-    observed: bool = True
-    fit: LineFit | Pair | ComplexLines
+    fit: LineFit
     rival: Rival
+    unknowns: int = 0
 
-    @property
-    def structure(self) -> Structure:
-        return self.fit.structure
-
-    @property
-    def freedom(self) -> int:
-        return self.rows - self.unknowns
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "unknowns", self.unknowns or self.fit.unknowns)
 
     def chance(self, squares: float, unknowns: int) -> float:
         """Probability that noise alone makes so much of what another form leaves."""
-        more, freedom = max(1, self.unknowns - unknowns), self.freedom / self.structure.widening**2
-        gain = max(0.0, (squares - self.squares) / more * freedom / self.squares)
-        return float(fdtrc(more, freedom, gain))
+        return chance(squares, unknowns, self.squares, self.unknowns, self.fit.structure, self.rows)
 
     def refutes(self, squares: float, unknowns: int) -> bool:
         """Whether it leaves so much less that the other form does not describe the data."""
-        return squares > RATIO * self.squares and self.chance(squares, unknowns) < IMPROBABLE
-
-    def refutes_as_pair(self, model: Model, fewer: Sequence[tuple[float, int]]) -> bool:
-        """Whether it is a pair that leaves noise, as neither the model nor fewer lines do."""
-        if not (self.observed and self.lines == 2 and self.squares < model.squares and fewer):
-            return False
-        if self.structure.p_value <= NO_NOISE:
-            return False
-        others, least = [(model.squares, model.unknowns), *fewer], IMPROBABLE / self.rows
-        return all(self.chance(squares, known) < least for squares, known in others)
+        return squares > FAR_MORE * self.squares and self.chance(squares, unknowns) < BY_CHANCE
 
     def against(self, model: Model) -> Adequacy:
         """The model compared with this form."""
+        dof = self.rows - self.unknowns
         return Adequacy(
-            chi_square=model.squares * self.freedom / self.squares,
-            freedom=float(self.freedom),
+            chi_square=model.squares * dof / self.squares,
+            freedom=float(dof),
             p_value=self.chance(model.squares, model.unknowns),
             describes=not self.refutes(model.squares, model.unknowns),
             rival=self.rival,
         )
 
-    def refusal(self, model: Model, *, one_line: float) -> Adequacy:
-        """The refused model; `one_line` are the squares that one line leaves of its own curve.
+    def refusal_by_pair(
+        self, f: FloatArray, values: FloatArray | ComplexArray, model: Model, curve: ComplexArray
+    ) -> Adequacy | None:
+        """The model refused by a pair that leaves noise, as it and one line do not; else None.
 
-        Where these exceed the pair's, the model has two lines itself, with other phases.
+        Where one line leaves more of the model's own curve than the pair does of the data, the
+        model has two lines itself, with other phases.
         """
-        rival = self.rival
-        if one_line > self.squares:
-            rival = replace(rival, remedy="coupling")
+        pair = self.fit
+        if not (shows_all(f, pair) and pair.structure.p_value > NOISE_P):
+            return None
+        if not self.rows * self.chance(model.squares, model.unknowns) < BY_CHANCE:
+            return None
+        singles = single_line_fits(f, values)
+        if not (singles and not_by_chance(values, singles, pair)):
+            return None
+        own = curve if np.iscomplexobj(values) else np.abs(curve)
+        one_line = min((fit.squares for fit in single_line_fits(f, own)), default=0.0)
+        coupled = one_line * float(np.max(np.abs(own))) ** 2 > self.squares
+        rival = replace(self.rival, remedy="coupling") if coupled else self.rival
         return replace(self.against(model), describes=False, rival=rival)
 
 
@@ -241,48 +228,27 @@ def compared(
     if best is None:
         return None
     # every constant is a slope, too, and leaves more by what noise gains by that
-    if slope is not None and slope.chance(best.squares, UNKNOWNS[OFFSET]) < IMPROBABLE:
+    if slope is not None and slope.chance(best.squares, UNKNOWNS[OFFSET]) < BY_CHANCE:
         best = slope
     return best.against(model)
 
 
-def compared_pair(
-    frequency_hz: FloatArray, amplitude: FloatArray, model: Model, fits: LineFits
-) -> Adequacy | None:
+def compared_pair(frequency_hz: FloatArray, amplitude: FloatArray, model: Model) -> Adequacy | None:
     """A model of amplitudes that fails against two lines; None where it does not.
 
     Args:
         frequency_hz: rising, shape (n,), Hz.
         amplitude: peak, shape (n,), any unit.
         model: its scale is one of its unknowns.
-        fits: of lines, to be shared.
     """
-    two = pair(frequency_hz, amplitude)
+    two = fit_lines(frequency_hz, amplitude, 2)
     if two is None:
         return None
-    rows, measured = model.residuals.size, amplitude / float(np.max(amplitude))
-
-    def single(values: FloatArray) -> list[tuple[float, int]]:
-        forms = fits.with_backgrounds(frequency_hz, values)
-        return [
-            (float(np.sum((form.curve - values) ** 2)), UNKNOWNS[name])
-            for name, form in forms.items()
-        ]
-
-    form = _Form(
-        squares=max(two.squares, rows * model.resolved**2),
-        rows=rows,
-        unknowns=two.unknowns,
-        lines=2,
-        fit=two,
-        rival=Rival(shape="pair", remedy="output"),
-    )
-    if not form.refutes_as_pair(model, single(measured)):
-        return None
-    if not form.refutes_as_pair(model, [*single_lines(frequency_hz, amplitude)]):
-        return None
-    curve = np.abs(measured + model.residuals)
-    return form.refusal(model, one_line=min((left for left, _ in single(curve)), default=0.0))
+    rows, rival = model.residuals.size, Rival(shape="pair", remedy="output")
+    squares = max(two.squares, rows * model.resolved**2)
+    curve = amplitude / float(np.max(amplitude)) + model.residuals
+    form = _Form(squares=squares, rows=rows, fit=two, rival=rival)
+    return form.refusal_by_pair(frequency_hz, amplitude, model, np.asarray(curve, dtype=complex))
 
 
 # --- complex values -------------------------------------------------------------------------------
@@ -319,15 +285,12 @@ def compared_complex(
         return None
     refuting = [form for form in forms if form.refutes(model.squares, model.unknowns)]
     if not refuting or fitted.noise_is_known:
-        for form in forms:
-            fewer = [(each.squares, each.unknowns) for each in forms if each.lines < form.lines]
-            if form.refutes_as_pair(model, fewer) and form.refutes_as_pair(
-                model, [*single_lines(frequency_hz, values)]
-            ):
-                real, imaginary = np.split(model.residuals, 2)
-                curve = y + real + 1j * imaginary
-                one = ComplexLines(frequency_hz, curve, 1, 3).fit.squares(curve)
-                return form.refusal(model, one_line=one)
+        real, imaginary = np.split(model.residuals, 2)
+        curve = np.asarray(y + real + 1j * imaginary, dtype=complex)
+        for form in (each for each in forms if len(each.fit.others) == 1):
+            refusal = form.refusal_by_pair(frequency_hz, y, model, curve)
+            if refusal is not None:
+                return refusal
         if fitted.noise_is_known:
             return None
     if not refuting:
@@ -352,27 +315,27 @@ def _complex_forms(
         for lines in range(1, MOST_LINES + 1)
         for columns in range(fitted.columns, len(BACKGROUNDS) + 1)
     ]
+    low, high = frequency_hz[0], frequency_hz[-1]
     for lines, columns in sorted(sizes, key=lambda each: 2 * each[0] + each[1]):
         if (2 * lines + columns - 1) * ROWS > y.size:
             continue
-        form = ComplexLines(frequency_hz, y, lines, columns)
+        fit = fit_lines(frequency_hz, y, lines, columns - 1)
+        if fit is None:
+            continue
         background = ("", "complex", "complex slope")[columns - 1]
         background = background if columns > fitted.columns else ""
         shape = ("line", "pair", "three_lines")[lines - 1]
-        if lines == 2 and form.observed == form.tails == 1:
+        if not shows_all(frequency_hz, fit):
+            if lines != 2 or low < fit.others[0].frequency.value < high:
+                continue
             shape, background = "line", TAIL
-        elif form.observed < lines:
-            continue
         key = f'{fitted.table} background = "{BACKGROUNDS[columns - 1]}"'
         more = columns > fitted.columns
         remedy = "output" if lines > 1 else "background" if more else ""
         yield _Form(
-            squares=max(form.fit.squares(y), 2 * y.size * model.resolved**2),
+            squares=max(fit.squares, 2 * y.size * model.resolved**2),
             rows=2 * y.size,
-            unknowns=form.fit.unknowns,
-            lines=lines,
-            observed=form.all_observed,
-            fit=form,
+            fit=fit,
             rival=Rival(
                 shape=shape,  # type: ignore[arg-type]
                 background=background,
@@ -406,13 +369,13 @@ def compared_decay(trace: TraceRecord, model: Model) -> Adequacy | None:
     if not fit.squares < squares:
         return None
     freedom, more = rows - fit.unknowns, max(1, fit.unknowns - model.unknowns)
-    chance = float(fdtrc(more, freedom, (squares / fit.squares - 1.0) / more * freedom))
-    if structure.p_value <= NO_NOISE or chance > IMPROBABLE / rows:
+    by_chance = gain_p(squares, fit.squares, more, freedom)
+    if structure.p_value <= NOISE_P or by_chance > BY_CHANCE / rows:
         return None
     return Adequacy(
         chi_square=squares * freedom / fit.squares,
         freedom=float(freedom),
-        p_value=chance,
+        p_value=by_chance,
         describes=False,
         rival=Rival(shape="decays", frequencies_hz=lines.frequencies_hz, remedy="states"),
     )

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
+from fitting.lines.choice import criteria_of, order_of
 from fitting.lines.faults import CLIPPED_POINTS
+from fitting.lines.form import AMPLITUDE_FORMS, LineFit, fit_form
 from fitting.lines.names import MIN_SWEEP_POINTS
-from fitting.signal.complex_line import complex_line
+from fitting.lines.poles import complex_line
+from fitting.lines.starts import point_noise
+from fitting.signal.peaks import mode_response
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
+from fitting.text.errors import BadInput
 
-#: A real part of complex values, (n,).
-Part = Callable[[ComplexArray], FloatArray]
+#: A real part of values, (n,).
+Part = Callable[[Any], FloatArray]
 #: A top that is flat by the steps of the scale alone is left by one of them, not by so many.
 JUMP = 20.0
 #: Standard deviations of a reading within which noise may take a point to the limit.
@@ -21,8 +29,8 @@ CLOSE = 3.0
 PARTS: tuple[Part, ...] = (np.real, lambda v: -np.real(v), np.imag, lambda v: -np.imag(v))
 #: What one mode leaves of values that follow it, over their spread; rounds about the limit.
 FOLLOWED, ROUNDS = 0.2, 3
-#: Of second differences of white noise: their median size over its standard deviation.
-MEDIAN_OF_SECOND = 0.6745 * np.sqrt(6.0)
+#: Steps of the scale over noise, up to which largest points are not equal by chance.
+FINE = 0.1
 
 
 def clipped_top(amplitude: FloatArray) -> BoolArray:
@@ -46,10 +54,10 @@ def clipped_top(amplitude: FloatArray) -> BoolArray:
     at = np.flatnonzero(flat)
     first, last = int(at[0]), int(at[-1])
     beside = [amplitude[k] for k in (first - 1, last + 1) if 0 <= k < amplitude.size]
-    step = float(np.min(np.diff(levels)))
-    if not beside or limit - max(beside) < JUMP * step:
+    step, noise = float(np.min(np.diff(levels))), point_noise(amplitude[~flat])
+    # noise that is larger than steps of the scale makes no equal points
+    if not beside or (limit - max(beside) < JUMP * step and not step < FINE * noise):
         return none
-    noise = float(np.median(np.abs(np.diff(amplitude[~flat], 2)))) / MEDIAN_OF_SECOND
     close = limit - CLOSE * noise
     while first > 0 and amplitude[first - 1] > close:
         first -= 1
@@ -59,8 +67,10 @@ def clipped_top(amplitude: FloatArray) -> BoolArray:
     return none
 
 
-def clipped_parts(frequency_hz: FloatArray, values: ComplexArray) -> tuple[BoolArray, float]:
-    """Points of a complex sweep that are cut off at a limit of X, of Y or of their size, and it.
+def clipped_points(
+    frequency_hz: FloatArray, values: FloatArray | ComplexArray
+) -> tuple[BoolArray, float]:
+    """Points of a sweep that are cut off at a limit, of complex values in X, Y or size, and that.
 
     A lock-in amplifier that overflows cuts each part by itself, at either sign: a point is lost as
     a whole with one of its parts. The size is looked at where neither part is cut off, as of a file
@@ -72,7 +82,7 @@ def clipped_parts(frequency_hz: FloatArray, values: ComplexArray) -> tuple[BoolA
         frequency_hz: rising, shape (n,), Hz.
         values: shape (n,), any unit.
     """
-    for parts in (PARTS, (np.abs,)):
+    for parts in (PARTS, (np.abs,)) if np.iscomplexobj(values) else ((np.real,),):
         tops = [(part, clipped_top(part(values))) for part in parts]
         limits = [float(np.max(part(values))) for part, cut in tops if np.any(cut)]
         if limits:
@@ -86,21 +96,64 @@ def clipped_parts(frequency_hz: FloatArray, values: ComplexArray) -> tuple[BoolA
 
 
 def _with_close(
-    f: FloatArray, values: ComplexArray, cut: BoolArray, parts: Sequence[Part], limit: float
+    f: FloatArray,
+    values: FloatArray | ComplexArray,
+    cut: BoolArray,
+    parts: Sequence[Part],
+    limit: float,
 ) -> BoolArray:
     """Points that are cut, and those whose own line is close to a limit: noise decides there."""
+    if not np.iscomplexobj(values):  # the line decides, not the reading
+        cut = values >= limit * (1.0 - 1e-12)
     for _ in range(ROUNDS):
         if np.sum(~cut) < MIN_SWEEP_POINTS:
             break
-        line = complex_line(f[~cut], values[~cut])
-        shape = 1.0 / (f - line.eta_hz - 0.5j * line.width_hz)
-        design = np.stack([shape / np.max(np.abs(shape)), np.ones(f.size)], axis=1)
-        if not (line.misfit < FOLLOWED and np.isfinite(design).all()):
+        followed = _followed(f, values, cut)
+        if followed is None:
             break
-        curve = design @ np.linalg.lstsq(design[~cut], values[~cut], rcond=None)[0]
-        noise = float(np.sqrt(0.5 * np.mean(np.abs(values - curve)[~cut] ** 2)))
+        curve, noise = followed
         close = np.any([part(curve) > limit - CLOSE * noise for part in parts], axis=0)
         if not np.any(close & ~cut):
             break
         cut = cut | close
     return cut
+
+
+def _followed(
+    f: FloatArray, values: FloatArray | ComplexArray, cut: BoolArray
+) -> tuple[ComplexArray, float] | None:
+    """The line that points follow which are not cut off, at all of them, and its noise."""
+    if np.iscomplexobj(values):
+        line = complex_line(f[~cut], np.asarray(values[~cut], dtype=complex))
+        if not line.misfit < FOLLOWED:
+            return None
+        place = line.eta_hz, line.width_hz
+        shape = 1.0 / (f - place[0] - 0.5j * place[1])
+        shapes = [shape / np.max(np.abs(shape)), np.ones(f.size)]
+    else:
+        fit = plain_line(f[~cut], values[~cut].real)
+        if fit is None:
+            return None
+        shape = np.abs(mode_response(f, fit.frequency.value, fit.width.value))
+        shapes = [shape, np.ones(f.size), f - f[0]][: 1 + fit.form.background]
+    design = np.stack(shapes, axis=1)
+    if not np.isfinite(design).all():
+        return None
+    curve = design @ np.linalg.lstsq(design[~cut], values[~cut], rcond=None)[0]
+    squares = float(np.mean(np.abs(values - curve)[~cut] ** 2))
+    return curve, math.sqrt(squares / (2.0 if np.iscomplexobj(values) else 1.0))
+
+
+def plain_line(frequency_hz: FloatArray, amplitude: FloatArray) -> LineFit | None:
+    """The line of amplitudes alone or on a real background, by Akaike's criterion; None: no line.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        amplitude: shape (n,), any unit.
+    """
+    fits = []
+    for name in ("transmission", "offset", "sloped"):
+        with contextlib.suppress(BadInput):
+            fits.append(fit_form(frequency_hz, amplitude, AMPLITUDE_FORMS[name]))
+    order = order_of(fits, criteria_of(fits, amplitude.size)) if fits else []
+    return fits[order[0]] if fits else None

@@ -15,12 +15,11 @@ lines that overlap look like many a fault: where they fit as well, that is state
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.lines.solve import Columns, Fit, fit_model
 from fitting.lines.starts import amplitude_starts
 from fitting.lines.sweep_model import AmplitudeSweep, Place, Shapes
+from fitting.signal.peaks import mode_response
 from fitting.signal.residual_tests import STRUCTURED, white_noise_p
 from fitting.text.arrays import FloatArray
 from fitting.text.finding import Finding, Kind
@@ -192,82 +192,52 @@ class _LawModel:
         return Columns(bent.values[:, None], np.stack([*slopes, bent.by_number])[:, :, None])
 
 
-@dataclass(frozen=True, eq=False)
-class _Line:
-    """A line as fitted, with a fault or without one: the fault's size and its derivatives by x."""
+class _Line(NamedTuple):
+    """A line as fitted, with a fault or without one: the fault's size with its error."""
 
     fit: Fit
     place: Place
-    fault: Fault = Fault.OUTLIER
-    size: float = 0.0
-    gradient: Sequence[float] = ()
-    noise: FloatArray | None = None
+    size: float
+    std: float
+    is_noise: bool
 
     @property
     def height(self) -> float:
         return abs(float(self.fit.coefficients[0]))
 
-    @property
-    def is_noise(self) -> bool:
-        """Whether residuals are white, as they are or over what the fault makes of equal noise."""
-        left = self.fit.residuals
-        alike = left if self.noise is None else left / self.noise
-        return max(white_noise_p(left), white_noise_p(alike)) >= STRUCTURED
 
-    @property
-    def std(self) -> float:
-        """Standard error of the size."""
-        slopes = np.zeros(self.fit.unknowns)
-        slopes[2 : 2 + len(self.gradient)] = self.gradient
-        variance = float(slopes @ self.fit.inverse @ slopes) * self.fit.squares / self.fit.dof
-        return math.sqrt(max(0.0, variance))
+def _line(
+    f: FloatArray, a: FloatArray, law: Law | None = None, start: Sequence[float] = ()
+) -> _Line | None:
+    """The line of amplitudes behind a law, or on a complex background, from a start of its number.
 
-
-class _Sweep:
-    """The sweep over its largest amplitude."""
-
-    def __init__(self, frequency_hz: FloatArray, shape: FloatArray) -> None:
-        self.f, self.a = frequency_hz, shape
-        crest = amplitude_starts(frequency_hz, shape)[0]
-        self.start = Place(crest.frequency_hz, crest.width_hz)
-        self.model = AmplitudeSweep(shapes=Shapes(frequency_hz=frequency_hz, starts=[self.start]))
-
-    def plain(self) -> _Line | None:
-        """The line alone; None where the sweep shows none."""
-        return self.checked(fit_model(self.model, self.a, [np.zeros(2)]))
-
-    def checked(self, fit: Fit) -> _Line | None:
-        place = self.model.shapes.places(fit.x)[0]
-        inside = self.f[0] <= place.frequency_hz <= self.f[-1]
-        narrow = place.width_hz < WIDEST * float(np.ptp(self.f))
-        return _Line(fit, place) if fit.converged and inside and narrow else None
-
-    def lines(self) -> list[_Line]:
-        """Every fault that is a number of the curve, fitted."""
-        made = []
-        for law in LAWS:
-            with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-                start = np.array([0.0, 0.0, law.start])
-                line = self.checked(fit_model(_LawModel(self.model, law), self.a, [start]))
-                if line is not None:
-                    size, slope = law.size(float(line.fit.x[2]))
-                    noise = law.noise(np.abs(line.fit.curve), size)
-                    made.append(
-                        replace(line, fault=law.fault, size=size, gradient=[slope], noise=noise)
-                    )
-        with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-            phased = replace(self.model, phased=True)
-            line = self.checked(fit_model(phased, self.a, [np.array([0.0, 0.0, 0.01, 0.01])]))
-            if line is not None:
-                real, imaginary = line.fit.x[2:]
-                size = max(math.hypot(real, imaginary), 1e-300)
-                slopes = [real / size, imaginary / size]
-                made.append(replace(line, fault=Fault.BACKGROUND, size=size, gradient=slopes))
-        return made
-
-    def without(self, k: int) -> _Sweep:
-        """The sweep without one point."""
-        return _Sweep(np.delete(self.f, k), np.delete(self.a, k))
+    None where no line is among the points.
+    """
+    crest = amplitude_starts(f, a)[0]
+    shapes = Shapes(frequency_hz=f, starts=[Place(crest.frequency_hz, crest.width_hz)])
+    model = AmplitudeSweep(shapes=shapes, phased=len(start) == 2)
+    try:
+        whole = model if law is None else _LawModel(model, law)
+        fit = fit_model(whole, a, [np.array([0.0, 0.0, *start])])
+    except (ValueError, np.linalg.LinAlgError):
+        return None
+    place = shapes.places(fit.x)[0]
+    inside = f[0] <= place.frequency_hz <= f[-1]
+    if not (fit.converged and inside and place.width_hz < WIDEST * float(np.ptp(f))):
+        return None
+    size, gradient, left = 0.0, np.zeros(fit.unknowns), fit.residuals
+    p = white_noise_p(left)
+    if law is not None:
+        size, gradient[2] = law.size(float(fit.x[2]))
+        p = max(p, white_noise_p(left / law.noise(np.abs(fit.curve), size)))
+    elif len(start) == 2:
+        size = max(math.hypot(*fit.x[2:]), 1e-300)
+        gradient[2:4] = fit.x[2:] / size
+    at = np.flatnonzero(gradient)
+    with np.errstate(invalid="ignore"):  # infinite where the points do not determine the number
+        variance = float(gradient[at] @ fit.inverse[np.ix_(at, at)] @ gradient[at])
+    std = math.sqrt(max(0.0, variance) * fit.squares / fit.dof)
+    return _Line(fit, place, size, std, p >= STRUCTURED)
 
 
 def two_lines_p(frequency_hz: FloatArray, shape: FloatArray, plain: _Line) -> float:
@@ -278,22 +248,19 @@ def two_lines_p(frequency_hz: FloatArray, shape: FloatArray, plain: _Line) -> fl
         shape: amplitudes over the largest one, shape (n,).
         plain: one line, as fitted.
     """
-    f, first = frequency_hz, plain.place
-    places = [
-        Place(first.frequency_hz + apart * first.width_hz, like * first.width_hz)
-        for apart in APART
-        for like in LIKE
-    ]
-    model = AmplitudeSweep(shapes=Shapes(frequency_hz=f, starts=[first, places[0]]))
-    starts = [np.array([*model.shapes.at([first, place]), 0.1, 0.1]) for place in places]
+    f, (eta, width) = frequency_hz, plain.place
+    places = [Place(eta + apart * width, like * width) for apart in APART for like in LIKE]
+    model = AmplitudeSweep(shapes=Shapes(frequency_hz=f, starts=[plain.place, places[0]]))
+    starts = [np.array([*model.shapes.at([plain.place, place]), 0.1, 0.1]) for place in places]
     try:
         fit = fit_model(model, shape, starts, tries=6)
     except (ValueError, np.linalg.LinAlgError):
         return 1.0
     second, span = model.shapes.places(fit.x)[1], float(np.ptp(f))
     near = f[0] - span <= second.frequency_hz <= f[-1] + span
-    near = near and second.width_hz > NARROWEST * first.width_hz
-    if not near or white_noise_p(fit.residuals) < STRUCTURED:
+    if not (near and second.width_hz > NARROWEST * width):
+        return 1.0
+    if white_noise_p(fit.residuals) < STRUCTURED:
         return 1.0
     return gain_p(plain.fit.squares, fit.squares, 4, shape.size - 7)
 
@@ -311,93 +278,67 @@ def sweep_faults(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[Swe
     Source: N. Draper and H. Smith, Applied Regression Analysis, for the extra sum of squares and
     for the largest studentised residual with Bonferroni's bound.
     """
-    top = float(np.max(amplitude_v, initial=0.0))
-    if amplitude_v.size < MIN_SWEEP_POINTS + 3 or not top > 0.0:
+    f, top, count = frequency_hz, float(np.max(amplitude_v, initial=0.0)), amplitude_v.size
+    if count < MIN_SWEEP_POINTS + 3 or not top > 0.0:
         return ()
-    sweep = _Sweep(frequency_hz, amplitude_v / top)
-    plain = sweep.plain()
+    a = amplitude_v / top
+    plain = _line(f, a)
     if plain is None:
         return ()
-    clipped = _clipping(sweep, plain)
-    if clipped is not None:
-        return (clipped,)
-    if math.sqrt(plain.fit.squares / amplitude_v.size) < ROUNDING:
+
+    def fault(kind: Fault, line: _Line, p_value: float, **own: float) -> SweepFault:
+        widths = plain.place.width_hz, line.place.width_hz
+        numbers: dict[str, Any] = {"size": line.size, "std": line.std, "frequency_hz": math.nan}
+        numbers |= own
+        return SweepFault(fault=kind, width_hz=widths, p_value=p_value, **numbers)
+
+    # equal largest points need no test: noise makes none
+    flat = a >= 1.0 - 1e-12
+    if CLIPPED_POINTS <= np.sum(flat) <= count - MIN_SWEEP_POINTS:
+        rest = _line(f[~flat], a[~flat])
+        if rest is not None and rest.height > 1.0:
+            size, fit = 1.0 - 1.0 / rest.height, rest.fit
+            std = math.sqrt(float(fit.inverse[2, 2]) * fit.squares / fit.dof) / rest.height**2
+            at = float(np.mean(f[flat]))
+            return (fault(Fault.CLIPPING, rest, 0.0, size=size, std=std, frequency_hz=at),)
+    squares = plain.fit.squares
+    if math.sqrt(squares / count) < ROUNDING:
         return ()
-    found = [fault for fault in _faults(sweep, plain) if fault.p_value < LISTED_P]
+
+    # faults that are numbers of the curve; of two laws of one fault the better one
+    tried = [(law.fault, _line(f, a, law, [law.start])) for law in LAWS]
+    tried.append((Fault.BACKGROUND, _line(f, a, None, (0.01, 0.01))))
+    best: dict[Fault, _Line] = {}
+    for kind, line in tried:
+        # a top that is too high is no saturation, and what is no larger than its error nothing
+        if line is None or not (line.is_noise and line.size > line.std):
+            continue
+        if kind not in best or line.fit.squares < best[kind].fit.squares:
+            best[kind] = line
+    found = []
+    for kind, line in best.items():
+        more = line.fit.unknowns - 3
+        p_value = gain_p(squares, line.fit.squares, more, count - 3 - more)
+        found.append(fault(kind, line, p_value))
+
+    # the point whose absence leaves least, if residuals are then noise of one size: where noise
+    # grows with the amplitude some point is off by chance
+    farthest = [int(k) for k in np.argsort(-np.abs(plain.fit.residuals))[:3]]
+    lines = [(k, _line(np.delete(f, k), np.delete(a, k))) for k in farthest]
+    left = [(line.fit.squares, k, line) for k, line in lines if line is not None and line.is_noise]
+    if left:
+        _, k, line = min(left, key=lambda each: each[0])
+        at, dof = float(f[k]), count - 4
+        size = (float(a[k]) / line.height) - abs(mode_response(f[k : k + 1], *line.place)[0])
+        std = math.sqrt(line.fit.squares / dof) / line.height
+        p_value = min(1.0, count * gain_p(squares, line.fit.squares, 1, dof))
+        if not line.fit.structure.is_unequal:
+            outlier = fault(Fault.OUTLIER, line, p_value, size=size, std=std, frequency_hz=at)
+            found.append(outlier)
+
+    found = [each for each in found if each.p_value < LISTED_P]
     if not found:
         return ()
-    as_good = max(1e3 * min(fault.p_value for fault in found), 1e-300)
-    two_lines = two_lines_p(sweep.f, sweep.a, plain) < LISTED_P
-    return tuple(replace(f, two_lines=two_lines) for f in found if f.p_value <= as_good)
-
-
-def _faults(sweep: _Sweep, plain: _Line) -> list[SweepFault]:
-    """Every fault that leaves noise; of two laws of one fault the better one."""
-    best: dict[Fault, _Line] = {}
-    for line in sorted(sweep.lines(), key=lambda each: -each.fit.squares):
-        # a top that is too high is no saturation, and what is no larger than its error nothing
-        if line.is_noise and line.size > line.std:
-            best[line.fault] = line
-    made = []
-    for line in best.values():
-        more, dof = len(line.gradient), sweep.a.size - 3 - len(line.gradient)
-        made.append(
-            SweepFault(
-                fault=line.fault,
-                size=line.size,
-                std=line.std,
-                frequency_hz=math.nan,
-                width_hz=(plain.place.width_hz, line.place.width_hz),
-                p_value=gain_p(plain.fit.squares, line.fit.squares, more, dof),
-            )
-        )
-    outlier = _outlier(sweep, plain)
-    return made if outlier is None else [*made, outlier]
-
-
-def _outlier(sweep: _Sweep, plain: _Line) -> SweepFault | None:
-    """The point whose absence leaves least, if its residuals are noise of one size.
-
-    Where noise grows with the amplitude some point is off by chance.
-    """
-    farthest = [int(k) for k in np.argsort(-np.abs(plain.fit.residuals))[:3]]
-    lines = [(k, sweep.without(k).plain()) for k in farthest]
-    left = [(k, line) for k, line in lines if line is not None and line.is_noise]
-    if not left:
-        return None
-    k, line = min(left, key=lambda each: each[1].fit.squares)
-    if line.fit.structure.is_unequal:
-        return None
-    dof, at = sweep.a.size - 4, float(sweep.f[k])
-    there = AmplitudeSweep(
-        shapes=Shapes(frequency_hz=np.array([at, at + 1.0]), starts=[line.place])
-    )
-    expected = line.height * float(there.columns(np.zeros(2)).values[0, 0])
-    return SweepFault(
-        fault=Fault.OUTLIER,
-        size=(float(sweep.a[k]) - expected) / line.height,
-        std=math.sqrt(line.fit.squares / dof) / line.height,
-        frequency_hz=at,
-        width_hz=(plain.place.width_hz, line.place.width_hz),
-        p_value=min(1.0, sweep.a.size * gain_p(plain.fit.squares, line.fit.squares, 1, dof)),
-    )
-
-
-def _clipping(sweep: _Sweep, plain: _Line) -> SweepFault | None:
-    """Equal largest points, and the line of the others."""
-    flat = sweep.a >= float(np.max(sweep.a)) * (1.0 - 1e-12)
-    count = int(np.sum(flat))
-    if count < CLIPPED_POINTS or sweep.a.size - count < MIN_SWEEP_POINTS:
-        return None
-    line = _Sweep(sweep.f[~flat], sweep.a[~flat]).plain()
-    if line is None or line.height <= 1.0:
-        return None
-    variance = float(line.fit.inverse[2, 2]) * line.fit.squares / line.fit.dof
-    return SweepFault(
-        fault=Fault.CLIPPING,
-        size=1.0 - 1.0 / line.height,
-        std=math.sqrt(variance) / line.height**2,
-        frequency_hz=float(np.mean(sweep.f[flat])),
-        width_hz=(plain.place.width_hz, line.place.width_hz),
-        p_value=0.0,
-    )
+    as_good = max(1e3 * min(each.p_value for each in found), 1e-300)
+    two_lines = two_lines_p(f, a, plain) < LISTED_P
+    return tuple(replace(each, two_lines=two_lines) for each in found if each.p_value <= as_good)

@@ -77,7 +77,7 @@ class Form:
         bent: whether the frequency follows the amplitude.
         rising: whether the frequency rose during the sweep.
         delayed: whether the delay of a cable is fitted, too.
-        second: whether a second line, among the points or beyond them, is fitted, too.
+        further: how many lines, among the points or beyond them, are fitted with the first.
         tails: lines beyond complex points, at known places.
         pull: of a line beyond the points: widths, and factor e^pull on the width, by which it may
             be elsewhere; 0: it may be anywhere.
@@ -91,7 +91,7 @@ class Form:
     bent: bool = False
     rising: bool = True
     delayed: bool = False
-    second: bool = False
+    further: int = 0
     tails: tuple[Place, ...] = ()
     pull: float = 0.0
 
@@ -106,7 +106,7 @@ class Form:
             "readings": self.single,
             "bend": self.bent,
             "delay": self.delayed,
-            "second": self.second,
+            "second": self.further > 0,
         }
         return frozenset(name for name, there in parts.items() if there)
 
@@ -151,7 +151,7 @@ class LineFit(LineValues):
         slope: what a slope changes by with every Hz.
         bend: shift of the top from the frequency of small amplitudes, Hz; None of a Lorentzian.
         delay: of the cable, s; None where it was not fitted.
-        second: a second line that was fitted with it.
+        others: further lines that were fitted with it.
         rms_residual: root mean square of the residuals over the amplitude.
         correl: correlations of frequency, width and amplitude, (3, 3).
         curve: fitted values, (n,).
@@ -172,7 +172,7 @@ class LineFit(LineValues):
     slope: float = 0.0
     bend: LineNumber | None = None
     delay: LineNumber | None = None
-    second: SecondLine | None = None
+    others: tuple[SecondLine, ...] = ()
     rms_residual: float
     correl: Matrix = ()
     curve: FloatArray | ComplexArray = field(repr=False)
@@ -189,6 +189,11 @@ class LineFit(LineValues):
     def name(self) -> str:
         """Of the form."""
         return self.form.name
+
+    @property
+    def second(self) -> SecondLine | None:
+        """The first of the further lines; None without."""
+        return self.others[0] if self.others else None
 
 
 def fit_form(  # noqa: PLR0913 - what a fit may know
@@ -296,12 +301,12 @@ class _Sweep:
         )
 
     def places(self, start: Start) -> list[Place]:
-        first = Place(start.frequency_hz, start.width_hz)
-        return [first, start.second] if self.form.second and start.second else [first]
+        others = [place for place, _ in start.others[: self.form.further]]
+        return [Place(start.frequency_hz, start.width_hz), *others]
 
     @property
     def tries(self) -> int:
-        return TRIES if self.form.bent or self.form.phased or self.form.second else 1
+        return TRIES if self.form.bent or self.form.phased or self.form.further else 1
 
     def check_count(self, unknowns: int) -> None:
         least = max(MIN_SWEEP_POINTS, unknowns + 1)
@@ -342,11 +347,25 @@ class _Numbers(Numbers):
             self.dof,
         )
 
-    def second(self, shapes: Shapes, height: complex, mirrored: float = math.nan) -> SecondLine:
-        """The second line, its complex height that over the first one's."""
-        share, phase = cmath.polar(height)
-        numbers = self.line(shapes.starts[1], shapes.places(self.fit.x)[1], 1)
-        return SecondLine(**numbers, share=share, phase_rad=phase, mirrored=mirrored)
+    def others(
+        self, shapes: Shapes, heights: Sequence[complex], size: float, slopes: Sequence[Slopes]
+    ) -> tuple[SecondLine, ...]:
+        """The further lines.
+
+        Args:
+            shapes: all lines.
+            heights: complex ones over that of the first line.
+            size: amplitude of the first line.
+            slopes: of the amplitude of each further one.
+        """
+        places = shapes.places(self.fit.x)
+        made = []
+        for k, (height, by) in enumerate(zip(heights, slopes, strict=True), start=1):
+            share, phase = cmath.polar(height)
+            numbers = self.line(shapes.starts[k], places[k], k)
+            amplitude = self.number("amplitude", size * share, by)
+            made.append(SecondLine(**numbers, share=share, amplitude=amplitude, phase_rad=phase))
+        return tuple(made)
 
     def with_amplitude(self, slopes: Slopes) -> Matrix:
         """Correlations of frequency and width with each other and an amplitude of such slopes."""
@@ -379,23 +398,25 @@ class _Complex(_Sweep):
         if self.form.delayed:
             span = float(np.ptp(self.f))
             delay = numbers.number("delay", model.delay(fit.x), [(first - 1, 1.0 / span)], "s")
-        second = None
-        if self.form.second:
-            second = numbers.second(shapes, complex(fit.coefficients[1]) / gain)
+        heights = fit.coefficients[: len(places)]
+        along = [
+            [(first + 2 * k + part, self.top * value / abs(h)) for part, value in enumerate(parts)]
+            for k, h in enumerate(heights)
+            for parts in [(float(h.real), float(h.imag))]
+        ]
         # coefficients of the line and its background, without those of other lines
         further = len(places) - 1
         chosen = [0, *range(1 + further, 1 + further + self.form.background)]
         at = [0, 1, *(first + 2 * k + part for k in chosen for part in (0, 1))]
         scales = np.ones(len(at))
         scales[:2] = shapes.starts[0].width_hz, places[0].width_hz
-        along = [(first, self.top * gain.real / size), (first + 1, self.top * gain.imag / size)]
         return self.line(
             numbers,
             shapes,
             self.top * size,
-            along,
+            along[0],
             delay=delay,
-            second=second,
+            others=numbers.others(shapes, list(heights[1:] / gain), self.top * size, along[1:]),
             coefficients=np.asarray(fit.coefficients[chosen], dtype=complex),
             covariance=np.outer(scales, scales) * numbers.covariance[np.ix_(at, at)],
         )
@@ -459,9 +480,19 @@ class _Amplitudes(_Sweep):
         )
         if self.form.phased:
             return self._mirrored(made, fit, model, numbers)
-        if self.form.second:
-            return self._with_second(made, fit, model, numbers)
-        return made
+        if self.form.further:
+            shares = model.heights(fit.x)[: self.form.further]
+            along = [
+                [
+                    (first, self.top * abs(share)),
+                    (at, self.top * height * share.real / abs(share)),
+                    (at + 1, self.top * height * share.imag / abs(share)),
+                ]
+                for k, share in enumerate(shares)
+                for at in [shapes.count + 2 * k]
+            ]
+            made = replace(made, others=numbers.others(shapes, shares, self.top * height, along))
+        return self._with_second(made, fit, model, numbers) if self.form.further == 1 else made
 
     def _best(self, starts: Sequence[Start]) -> tuple[Fit, AmplitudeSweep, float | None]:
         shapes = self.shapes(self.places(starts[0]))
@@ -497,14 +528,17 @@ class _Amplitudes(_Sweep):
             if model.phased:
                 x[-2:] = start.background.real, start.background.imag
             made.append(x)
-        if not self.form.second:
+        if not self.form.further:
             return made
         turned = []
-        for turn in TURNS:
-            height = start.height * cmath.rect(1.0, turn)
+        first, heights = model.shapes.count, [height for _, height in start.others]
+        for turn in TURNS:  # of the last line, which is the new one
+            turns = [*heights[:-1], heights[-1] * cmath.rect(1.0, turn)]
             for x in made:
                 other = x.copy()
-                other[model.shapes.count : model.shapes.count + 2] = height.real, height.imag
+                other[first : first + 2 * len(turns)] = [
+                    part for height in turns for part in (height.real, height.imag)
+                ]
                 turned.append(other)
         return turned
 
@@ -533,7 +567,7 @@ class _Amplitudes(_Sweep):
 
     def _checked(self, line: LineFit) -> LineFit:
         form = self.form
-        if (form.phased or form.second) and not line.amplitude.std < line.amplitude.value:
+        if (form.phased or form.further) and not line.amplitude.std < line.amplitude.value:
             raise BadInput(
                 f"{self.source}: {form.name}: the points do not determine how high its line is"
             )
@@ -582,19 +616,18 @@ class _Amplitudes(_Sweep):
     def _with_second(
         self, line: LineFit, fit: Fit, model: AmplitudeSweep, numbers: _Numbers
     ) -> LineFit:
-        """The line with its second one, and the other pair of heights that has about its curve."""
-        height, (share, *_) = float(fit.coefficients[0]), model.heights(fit.x)
-        found = replace(line, second=numbers.second(model.shapes, share))
+        """The line with the other pair of heights that has about the curve of both lines."""
+        height = float(fit.coefficients[0])
         start = _flipped(self.f, fit, model)
         other = fit_model(model, self.y, [start], weights=self.weights, pull=self._pull(model))
         chance = other.converged and other.squares - fit.squares < ALLOWED * numbers.variance
         if not chance or other.coefficients[0] <= 0.0:
-            return found
+            return line
         size = float(other.coefficients[0])
         std = line.amplitude.std * size / height
         again = number_of_line("amplitude", self.top * size, std, "", half=ratio95(numbers.dof))
-        second = numbers.second(model.shapes, share, abs(model.heights(other.x)[0]))
-        return replace(found, mirrored=again, second=second)
+        second = replace(line.others[0], mirrored=abs(model.heights(other.x)[0]))
+        return replace(line, mirrored=again, others=(second,))
 
 
 def _flipped(f: FloatArray, fit: Fit, model: AmplitudeSweep) -> FloatArray:

@@ -407,14 +407,12 @@ def _line(record: DecayRecord, model: Decays, numbers: Numbers, k: int) -> Secon
     if model.kind == PHASORS:
         offset = number_of_line("offset", rings, rings_std, half=ratio95(numbers.dof))
         rings += record.reference_hz
-    eigen, eigen_std = math.hypot(rings, 0.5 * width), rings_std
-    if eigen > 0.0:
-        eigen_std = math.hypot(rings * rings_std, 0.25 * width * width_std) / eigen
+    eigen = math.hypot(rings, 0.5 * width)
     q = (record.reference_hz if model.kind == AMPLITUDES else eigen) / width
     # its error is that of the width but for low quality
-    share = eigen_std / eigen if eigen > 0.0 else 0.0
+    share = rings_std / eigen if eigen > 0.0 else 0.0
     made = line_numbers(
-        (eigen, eigen_std),
+        (rings, rings_std),
         (width, width_std),
         (q, abs(q) * math.hypot(width_std / width, share)),
         numbers.dof,

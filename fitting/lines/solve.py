@@ -100,7 +100,8 @@ class Fit:
     @cached_property
     def structure(self) -> Structure:
         """What the order of the residuals shows of the noise."""
-        return residual_structure(self.residuals, self.jacobian)
+        is_complex = np.iscomplexobj(self.curve)
+        return residual_structure(self.residuals, self.jacobian, quadratures=is_complex)
 
     @cached_property
     def inverse(self) -> FloatArray:

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.lines.sweep_model import Place
-from fitting.signal.complex_line import (
+from fitting.lines.poles import (
     NEAR,
     ComplexLine,
     complex_line,
     far_delays,
     tops_and_bottoms,
 )
+from fitting.lines.sweep_model import Place
 from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
 
@@ -36,8 +36,7 @@ class Start:
         width_hz: its FWHM, Hz.
         delay_s: of the cable, s.
         background: a complex constant over the line's height.
-        second: another line.
-        height: its complex height over that of the first.
+        others: further lines, each with its complex height over that of the first.
         bend: of a Duffing line, half widths; NaN: several are tried.
     """
 
@@ -45,8 +44,7 @@ class Start:
     width_hz: float
     delay_s: float = 0.0
     background: complex = 0j
-    second: Place | None = None
-    height: complex = 0j
+    others: tuple[tuple[Place, complex], ...] = ()
     bend: float = math.nan
 
 

@@ -19,7 +19,16 @@ from fitting.lines.form import (
 from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.lines.noise import noise_weights
 from fitting.lines.null import Null, NullKind, beyond_ends, null_models
-from fitting.lines.second import TwoLines, TwoResonances, as_two, two_line_fits
+from fitting.lines.several import (
+    TwoLines,
+    TwoResonances,
+    as_two,
+    is_noise,
+    not_by_chance,
+    shows_all,
+    two_line_fits,
+    with_one_more,
+)
 from fitting.lines.starts import (
     Start,
     amplitude_starts,
@@ -48,6 +57,8 @@ AT_END = 3
 HIGH = 5.0
 #: Height of a second line over that of the first one up to which the first is the one meant.
 WEAK = 0.3
+#: Lines beyond the last one that gains, up to which more are looked for.
+AHEAD = 2
 #: Widths, and logarithm of a factor on the width, by which a line beyond the points may be off the
 #: place where it is observed, or supposed.
 OBSERVED, SUPPOSED = 1.0, 3.0
@@ -96,16 +107,17 @@ def is_reversed(frequency_hz: FloatArray, values: ComplexArray) -> bool:
     return there < here
 
 
-def fit_sweep(
+def fit_sweep(  # noqa: PLR0913 - what a line may be asked to be
     frequency_hz: FloatArray,
     values: FloatArray | ComplexArray,
     *,
     form: str = "",
     elsewhere: Sequence[Place] = (),
     delayed: bool | None = None,
+    count: int | None = 1,
     source: str = "sweep",
 ) -> SweepFit:
-    """The one line of a sweep.
+    """The line of a sweep, or several that are fitted together.
 
     Args:
         frequency_hz: rising, shape (n,), Hz.
@@ -113,17 +125,31 @@ def fit_sweep(
         form: name of the form that is wanted; empty: they are compared.
         elsewhere: lines that are observed beyond the ends.
         delayed: whether complex values have the delay of a cable; None: both are compared.
+        count: number of lines; None: as many as the points show.
         source: of the data, for errors.
 
     Raises:
-        BadInput: too few points, no line, two of them, or one that the ends cut off.
+        BadInput: too few points, no line, two of them where one is wanted, or one that the ends cut
+            off.
     """
     if frequency_hz.size < MIN_SWEEP_POINTS:
         raise BadInput(
             f"{source}: {frequency_hz.size} points are too few for a resonance fit; wanted at "
             f"least {MIN_SWEEP_POINTS}"
         )
-    return _Search(frequency_hz, values, form, tuple(elsewhere), source, delayed).fit()
+    search = _Search(frequency_hz, values, form, tuple(elsewhere), source, delayed)
+    return search.fit() if count == 1 else search.fit_several(count)
+
+
+def single_line_fits(frequency_hz: FloatArray, values: FloatArray | ComplexArray) -> list[LineFit]:
+    """Every form of one line that `fit_sweep` compares, as far as it can be fitted.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        values: amplitudes or complex values, shape (n,).
+    """
+    search = _Search(frequency_hz, values, "", (), "sweep")
+    return search.singles(search.starts())[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +217,52 @@ class _Search:
             nulls=nulls,
         )
 
+    def fit_several(self, count: int | None) -> SweepFit:
+        """So many lines, each new one begun where the others leave most; None: those that gain.
+
+        A line gains where noise alone does not explain it, by every fit of fewer (`not_by_chance`).
+        """
+        singles, _ = self.singles(self.starts())
+        if not singles:
+            raise BadInput(f"{self.source}: shows no resonance between {self.ends}")
+        forms, names = self.forms, WITH_SECOND[self.is_complex]
+        criteria = criteria_of(singles, self.rows)
+        fits = [singles[k] for k in order_of(singles, criteria)]
+        tried = [
+            replace(forms[name], delayed=fits[0].delay is not None, tails=())
+            for name in ((self.wanted,) if self.wanted in names else names)
+        ]
+        best, before = fits, [*fits]
+        while len(fits[0].others) + 1 < (count or len(best[0].others) + 1 + AHEAD):
+            if not count and is_noise(best[0]):
+                break
+            made = with_one_more(self.f, self.values, fits[0], tried, self.weights)
+            shown = [fit for fit in made if shows_all(self.f, fit)]
+            made = shown or (made if count else [])
+            if not made:
+                break
+            criteria = criteria_of(made, self.rows)
+            fits = [made[k] for k in order_of(made, criteria)]
+            # while lines are missing residuals of any fit are correlated: the next ones decide
+            if count or not_by_chance(self.values, before, fits[0]):
+                best = fits
+            before += fits
+        if count and len(best[0].others) + 1 < count:
+            raise BadInput(
+                f"{self.source}: {count} lines cannot be fitted between {self.ends}; "
+                f"{len(best[0].others) + 1} can"
+            )
+        fits, criteria = best, criteria_of(best, self.rows)
+        if not fits[0].others:
+            return self.fit()  # with all that contradicts one line
+        self.check_describes(fits[0])
+        forms_tried = [self.tried(fit, float(c)) for fit, c in zip(fits, criteria, strict=True)]
+        return SweepFit(line=fits[0], rivals=(), widening=1.0, forms=tuple(forms_tried))
+
+    @property
+    def forms(self) -> dict[str, Form]:
+        return COMPLEX_FORMS if self.is_complex else AMPLITUDE_FORMS
+
     def beyond(self, chosen: LineFit, singles: Sequence[LineFit]) -> float:
         """How far the lowest criterion of one line is above that of two."""
         closest = min(singles, key=lambda fit: fit.squares)
@@ -251,12 +323,11 @@ class _Search:
         fits = made or hidden
         noise = any(fit.structure.order == 0 for fit in fits)
         if not noise or self.wanted.startswith("duffing"):
-            forms = COMPLEX_FORMS if self.is_complex else AMPLITUDE_FORMS
-            for form in (form for form in forms.values() if form.bent):
+            for form in (form for form in self.forms.values() if form.bent):
                 attempt(form, [*starts[:1], *bent_starts(self.f, np.abs(self.values))])
         if not self.is_complex and (self.elsewhere or self.wanted == "tail" or not noise):
             pull = OBSERVED if self.elsewhere else SUPPOSED
-            attempt(Form(name="tail", second=True, pull=pull), self.beside_tails(starts[0]))
+            attempt(Form(name="tail", further=1, pull=pull), self.beside_tails(starts[0]))
         return made or hidden, failed
 
     def beside_tails(self, crest: Start) -> list[Start]:
@@ -265,7 +336,7 @@ class _Search:
         over = np.asarray(self.values, dtype=float) - chord
         first = amplitude_starts(self.f, over)[0] if float(np.max(over)) > 0.0 else crest
         return [
-            replace(first, second=place, height=0.3 + 0j)
+            replace(first, others=((place, 0.3 + 0j),))
             for place in self.elsewhere or beyond_ends(self.f)
         ]
 
@@ -293,7 +364,7 @@ class _Search:
         """
         if singles[0].name == "tail":
             return []
-        forms = COMPLEX_FORMS if self.is_complex else AMPLITUDE_FORMS
+        forms = self.forms
         names = (self.wanted,) if self.wanted in forms else WITH_SECOND[self.is_complex]
         names = tuple(dict.fromkeys((*names, *(() if self.wanted else (singles[0].name,)))))
         delayed = singles[0].delay is not None

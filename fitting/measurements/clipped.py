@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.lines.clipped_top import clipped_parts, clipped_top
+from fitting.lines.clipped_top import clipped_points
 from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.finding import Finding, left_out
@@ -23,12 +23,7 @@ def cut_off(
         unit: of the values.
         source: name of the file, with the curve.
     """
-    if np.iscomplexobj(values):
-        cut, limit = clipped_parts(u_hz, np.asarray(values))
-    else:
-        amplitude = np.asarray(values, dtype=float)
-        cut = clipped_top(amplitude)
-        limit = float(np.max(amplitude, initial=0.0))
+    cut, limit = clipped_points(u_hz, values)
     if not np.any(cut) or np.sum(~cut) < MIN_SWEEP_POINTS:
         return np.zeros(cut.size, dtype=np.bool_), ()
     ends = {"low_hz": float(u_hz[cut][0]), "high_hz": float(u_hz[cut][-1])}

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from fitting.lines.poles import complex_line
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.gain import Solved
 from fitting.measurements.measurement import Estimated
-from fitting.signal.complex_line import complex_line
 from fitting.text.arrays import ComplexArray
 
 #: What one mode may leave of a response that counts as that of a single one.

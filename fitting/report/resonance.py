@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from fitting.lines.choice import SIMPLER
+from fitting.lines.choice import FAR_MORE, SIMPLER
 from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import NOTCH, REFLECTION
 from fitting.lines.faults import fault_finding
@@ -179,7 +179,13 @@ def _other_amplitude(line: Line) -> str:
 def _moving(line: Line) -> list[tuple[str, dict[str, float]]]:
     """Forms that are nearly as good and move the line, or its FWHM, and by how much, Hz."""
     chosen, moving = line.forms[0], []
-    for form in line.forms[1:]:
+    alike = [
+        form
+        for form in line.forms[1:]
+        if form.criterion - chosen.criterion < SIMPLER
+        and form.rms_residual**2 < FAR_MORE * chosen.rms_residual**2
+    ]
+    for form in alike:
         moved = {
             what: there.value - here.value
             for what, there, here, own in (
@@ -188,7 +194,7 @@ def _moving(line: Line) -> list[tuple[str, dict[str, float]]]:
             )
             if abs(there.value - here.value) > MOVES * own.std
         }
-        if moved and form.criterion - chosen.criterion < SIMPLER:
+        if moved:
             moving.append((form.name, moved))
     return moving
 

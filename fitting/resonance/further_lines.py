@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting.lines.poles import extent
 from fitting.lines.starts import point_noise
 from fitting.resonance.trace import Trace
-from fitting.signal.complex_line import extent
 from fitting.text.arrays import FloatArray
 
 #: Noise, and share of the largest point, by which another line stands out.

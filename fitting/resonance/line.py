@@ -12,7 +12,7 @@ from fitting.lines.dip import NOTCH, REFLECTION, DipReading, dip_readings
 from fitting.lines.faults import Fault, SweepFault, sweep_faults
 from fitting.lines.form import LineFit
 from fitting.lines.names import MIN_SWEEP_POINTS
-from fitting.lines.second import TwoResonances
+from fitting.lines.several import TwoResonances
 from fitting.lines.sweep import SweepFit, fit_sweep, is_reversed
 from fitting.lines.sweep_model import Place
 from fitting.resonance.clipped import Clipped, without_clipped
@@ -20,7 +20,7 @@ from fitting.resonance.further_lines import further_lines
 from fitting.resonance.record import MeasuredLine, Points
 from fitting.resonance.spikes import Spike, spikes_in, without_spikes
 from fitting.resonance.trace import Trace
-from fitting.signal.line_record import LineNumber, LineValues, fields_of
+from fitting.signal.line_record import LineNumber, LineValues, SecondLine, fields_of
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, note
 from fitting.text.notation import hertz, listed
@@ -53,6 +53,7 @@ class Line(MeasuredLine):
         readings: where the line is a dip, what it means in each wiring.
         faults: what makes the points no damped line.
         further_hz: where points outside of the chosen range show another line, Hz.
+        others: further lines that were requested, and fitted with the first one.
         spikes: single points far off their neighbours, which were left out.
         clipped: a top that the instrument cut off, which was left out; None where none was.
         phases_reversed: whether the file counts phases as Re[value exp(-i 2 pi f t)].
@@ -74,15 +75,19 @@ class Line(MeasuredLine):
     spikes: tuple[Spike, ...]
     phases_reversed: bool
     clipped: Clipped | None = None
+    others: tuple[SecondLine, ...] = ()
 
 
-def line_of(trace: Trace, wiring: str = "", *, delayed: bool | None = None) -> Line:
-    """The resonance of a trace.
+def line_of(
+    trace: Trace, wiring: str = "", *, delayed: bool | None = None, count: int | None = 1
+) -> Line:
+    """The resonance of a trace, or several that are fitted together.
 
     Args:
         trace: what was measured.
         wiring: one of `WIRINGS`; empty: the forms are compared.
         delayed: whether the delay of a cable is fitted; None: if that describes the points better.
+        count: number of lines; None: as many as the points show.
 
     Raises:
         BadInput: no resonance, one that the ends of the sweep cut off, two of them, too few points,
@@ -105,6 +110,7 @@ def line_of(trace: Trace, wiring: str = "", *, delayed: bool | None = None) -> L
             form="fano" if wiring in (NOTCH, REFLECTION) else wiring,
             elsewhere=elsewhere,
             delayed=delayed,
+            count=count,
             source=rest.source,
         )
     except BadInput as error:
@@ -139,7 +145,7 @@ def _line(
         source=trace.source,
         unit=trace.unit,
         amplitude=replace(best.amplitude, unit=trace.unit),
-        mirrored=None if best.mirrored is None else replace(best.mirrored, unit=trace.unit),
+        mirrored=_in(best.mirrored, trace.unit),
         bend=best.bend,
         background=best.background.real if best.name != "fano" else 0.0,
         slope=best.slope,
@@ -155,6 +161,7 @@ def _line(
         readings=dip_readings(trace.frequency_hz, best, wiring),
         faults=_faults(trace, best),
         second=best.second,
+        others=tuple(replace(o, amplitude=_in(o.amplitude, trace.unit)) for o in best.others),
         further_hz=tuple(place.frequency_hz for place in elsewhere),
         instrument=own_estimates(trace.notes),
         spikes=tuple(spikes),
@@ -166,6 +173,10 @@ def _line(
         reading=trace.reading,
         points=Points.of(trace.values, best.curve, frequency_hz=trace.frequency_hz),
     )
+
+
+def _in(number: LineNumber | None, unit: str) -> LineNumber | None:
+    return None if number is None else replace(number, unit=unit)
 
 
 def _faults(trace: Trace, best: LineFit) -> tuple[SweepFault, ...]:

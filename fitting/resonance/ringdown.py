@@ -2,13 +2,14 @@
 
 A mode that is left alone falls as e^(-pi w t), w its full width at half of the power:
 
-    decay time of the amplitude  tau = 1/(pi w),    Q = f/w,    f^2 = f_r^2 + (w/2)^2
+    decay time of the amplitude  tau = 1/(pi w),    Q = f0/w,    f0^2 = f^2 + (w/2)^2
 
-f_r is the frequency at which it rings, f its eigenfrequency, as of sweeps.
+f is the frequency at which it rings, f0 its eigenfrequency without damping, that of sweeps.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from fitting.lines.decay_record import PHASORS, SAMPLES, DecayRecord
 from fitting.lines.ringdown import DecayFit, RingdownFit, fit_ringdown
 from fitting.measurements.traces.grid import refuse_clipped
 from fitting.resonance.record import MeasuredLine, Points
-from fitting.signal.line_record import LineNumber, LineValues, TriedForm, fields_of
+from fitting.signal.line_record import LineNumber, LineValues, TriedForm, fields_of, number_of_line
 from fitting.text.errors import BadInput
 
 __all__ = ["Ringdown", "ringdown_of"]
@@ -72,6 +73,14 @@ class Ringdown(MeasuredLine):
         place = {PHASORS: ("offset",), SAMPLES: ("frequency",)}.get(self.kind, ())
         law = [name for name in ("shift", "extra") if getattr(self, name).value != 0.0]
         return (*place, "width", "amplitude", *law)
+
+    @property
+    def eigenfrequency(self) -> LineNumber:
+        """The frequency without damping, which a sweep has, Hz."""
+        f, w = self.frequency, self.width
+        value = math.hypot(f.value, 0.5 * w.value)
+        std = math.hypot(f.value * f.std, 0.25 * w.value * w.std) / value
+        return number_of_line("eigenfrequency", value, std, half=self.ratio95)
 
     @property
     def alike(self) -> tuple[LineNumber, ...]:

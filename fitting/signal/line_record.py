@@ -198,6 +198,7 @@ class SecondLine(LineValues):
 
     Attributes:
         share: its height over that of the first one; of a ringdown at the first sample.
+        amplitude: of a sweep, that of this line alone at its eigenfrequency.
         phase_rad: its phase from that of the first one; NaN: not measured.
         mirrored: the other share that amplitudes do not distinguish from it; NaN without.
         decays: of a ringdown, whether it decays; else it is a tone that stays.
@@ -206,6 +207,7 @@ class SecondLine(LineValues):
     """
 
     share: float
+    amplitude: LineNumber | None = None
     phase_rad: float = math.nan
     mirrored: float = math.nan
     decays: bool = True

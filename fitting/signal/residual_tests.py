@@ -115,6 +115,8 @@ def residual_structure(
     jacobian: FloatArray,
     nuisance: FloatArray | None = None,
     stretches: Sequence[FloatArray] = (),
+    *,
+    quadratures: bool = False,
 ) -> Structure:
     """Test residuals (m,) of a least-squares fit for structure along the sweep; count them anew.
 
@@ -148,6 +150,8 @@ def residual_structure(
             shape (m, k); None: nothing.
         stretches: likewise of rows that follow each other, each with unknowns of its own, shapes
             (m_j, k_j) with all m_j together m; none: nothing.
+        quadratures: whether rows are all real parts of complex residuals, then all imaginary ones.
+            What both have in common, r, adds to the errors: widening^2 (1 + |r|).
 
     Source: sandwich covariance as in Newey and West, Econometrica 55 (1987) 703, with the
     autoregressive spectrum of den Haan and Levin, Handbook of Statistics 15 (1997) 299; HC3 of
@@ -173,11 +177,15 @@ def residual_structure(
         p_value = robust  # a few large ones among small ones only look as if they hung together
         coefficients, news, sizes_p = _whitened(residuals, slopes, p_value)
     together = min(_correlated(coefficients, slopes, m - n), float(m - n))
-    square = together
+    square, common = together, 1.0
+    if quadratures and coefficients.size:
+        # a curve that is missing in the model bends both parts alike: they are less than two
+        one, other = np.split(residuals, 2)
+        common = 1.0 + abs(float(one @ other)) / math.sqrt(float(one @ one) * float(other @ other))
     if sizes_p < STRUCTURED:
         part, by_chance = _unequal(residuals, news, slopes, coefficients)
         square, sizes_p = max(square, part * (m - n)), max(sizes_p, by_chance)
-    square = min(square, float(m - n))
+    square = min(square * common, float(m - n))
     return Structure(
         p_value=p_value,
         sizes_p=sizes_p,

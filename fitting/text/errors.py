@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:  # the types of arrays take numpy along, which a command's help does not need
     from fitting.text.arrays import FloatArray, Scalar
@@ -29,6 +29,17 @@ class BadInput(ValueError):
 
 class MissingFile(BadInput, FileNotFoundError):
     """There is no file of that name."""
+
+
+class SeveralSweeps(BadInput):
+    """A file holds several sweeps, and none is chosen: ``parts`` are the columns of each of them.
+
+    Each part has the keys of `fitting.resonance.reading.Columns` that choose it.
+    """
+
+    def __init__(self, *errors: str, parts: Sequence[Mapping[str, Any]]) -> None:
+        super().__init__(*errors)
+        self.parts = tuple(parts)
 
 
 #: Characters of a found value in a complaint.

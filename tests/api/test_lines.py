@@ -90,3 +90,72 @@ def test_what_no_file_holds_is_an_error(
     assert "none.csv" in capsys.readouterr().err
     with pytest.raises(ff.BadInput, match="two or more"):
         ff.lines(files[:1])
+
+
+def several(phases: bool) -> tuple[np.ndarray, list[tuple[float, float, float]]]:
+    """A sweep of three lines, of which two overlap, and their frequency, width and height."""
+    truth = [(9_850.0, 6.0, 1.0), (10_000.0, 12.0, 0.6), (10_014.0, 10.0, 0.4)]
+    phase = (0.0, 1.0, 2.0)
+    exact = sum(
+        a * np.exp(1j * p) * mode(F, f, w) for (f, w, a), p in zip(truth, phase, strict=True)
+    )
+    x, y = 0.003 * np.random.default_rng(3).standard_normal((2, F.size))
+    seen = exact + x + 1j * y
+    return (seen if phases else np.abs(seen)), truth
+
+
+@pytest.mark.parametrize("count", ["auto", 3])
+@pytest.mark.parametrize("phases", [True, False])
+def test_each_line_of_a_sweep_is_a_row(tmp_path: Path, phases: bool, count: int | str) -> None:
+    values, truth = several(phases)
+    columns = (values.real, values.imag) if phases else (values,)
+    head = "f (Hz),X (V),Y (V)" if phases else "f (Hz),A (V)"
+    found = ff.lines([write_csv(tmp_path / "three.csv", head, F, *columns)], count=count)
+    assert len(found.rows) == 3
+    for row, (f, w, a) in zip(found.rows, truth, strict=True):
+        numbers = row.numbers
+        assert abs(numbers["frequency"].value - f) < 4.0 * numbers["frequency"].std < 1.0
+        assert abs(numbers["width"].value - w) < 4.0 * numbers["width"].std
+        if phases:  # without them overlapping lines may have other heights
+            assert abs(numbers["amplitude"].value - a) < 4.0 * numbers["amplitude"].std
+        assert numbers["amplitude"].unit == "V"
+        assert row.findings == ()
+
+
+def test_one_line_is_one_row_however_many_are_looked_for(tmp_path: Path) -> None:
+    path = sweep(tmp_path, "one.csv", 10_000.0, 4)
+    [row] = ff.lines([path], count="auto").rows
+    assert row.line is not None
+    assert row.line.frequency == ff.line(path).frequency
+
+
+def test_lines_that_are_not_there_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(sweep(tmp_path, "one.csv", 10_000.0, 4))
+    assert main(["line", path, "--lines", "none"]) == 2
+    assert "--lines none" in capsys.readouterr().err
+    assert main(["line", path, "--lines", "auto", "--json"]) == 0
+    [row] = json.loads(capsys.readouterr().out)
+    assert row["frequency"] == pytest.approx(10_000.0, abs=0.5)
+
+
+def test_each_sweep_of_a_file_is_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "sweeps.h5", "w") as file:
+        for name, eta in (("cold", 10_000.0), ("warm", 9_950.0)):
+            noise = np.random.default_rng(len(name)).normal(0.0, 0.01, F.size)
+            file[f"{name}/frequency"] = F
+            file[f"{name}/amplitude"] = np.abs(np.abs(mode(F, eta, 20.0)) + noise)
+            file[f"{name}/frequency"].attrs["unit"] = "Hz"
+            file[f"{name}/amplitude"].attrs["unit"] = "V"
+    found = ff.lines([tmp_path / "sweeps.h5"])
+    assert [row.sweep for row in found.rows] == ["cold/frequency", "warm/frequency"]
+    assert [row.control for row in found.rows] == [1.0, 2.0]
+    truth = (10_000.0, 9_950.0)
+    for row, eta in zip(found.rows, truth, strict=True):
+        assert row.numbers["frequency"].value == pytest.approx(eta, abs=0.5)
+    assert main(["line", str(tmp_path / "sweeps.h5"), "--out", str(tmp_path / "out")]) == 0
+    assert "warm/frequency" in capsys.readouterr().out
+    rows = list(csv.DictReader((tmp_path / "out" / "lines.csv").read_text("utf-8").splitlines()))
+    assert [row["file"].rpartition(": ")[2] for row in rows] == ["cold/frequency", "warm/frequency"]

@@ -117,7 +117,7 @@ def test_two_lines_that_overlap_are_no_single_line() -> None:
     plain = compared(F, bump, Model(left, 3), LineFits())
     assert plain is not None
     assert plain.describes
-    found = compared_pair(F, bump, Model(left, 3), LineFits())
+    found = compared_pair(F, bump, Model(left, 3))
     assert found is not None
     assert not found.describes
     assert found.rival is not None
@@ -135,7 +135,7 @@ def test_one_line_of_amplitudes_is_no_pair(count: int) -> None:
         rng = np.random.default_rng(seed)
         noise = 10.0 ** rng.uniform(-3.0, -1.0) * rng.standard_normal(F.size)
         seen = np.abs(LINE + noise)
-        told += compared_pair(F, seen, Model(best_amplitudes(seen), 3), LineFits()) is not None
+        told += compared_pair(F, seen, Model(best_amplitudes(seen), 3)) is not None
     assert told == 0
 
 

@@ -64,8 +64,7 @@ def test_errors_are_those_of_the_scatter(kind: str, count: int) -> None:
         slow, sigma = 0.7 * (seed % 2), (0.02, 0.1)[seed % 4 // 2]
         if kind == "samples":
             found = ff.ringdown(T, decay(RINGS).real + 0.3 + noise(sigma, seed, slow))
-            eigen = math.hypot(RINGS, 0.5 * WIDTH)
-            pulls.append((found.frequency.value - eigen) / found.frequency.std)
+            pulls.append((found.frequency.value - RINGS) / found.frequency.std)
         else:
             z = decay(-2.5) + both(sigma, seed, slow)
             values = z + (0.1 - 0.2j) if kind == "phasors" else np.abs(z)
@@ -90,12 +89,14 @@ def test_noise_that_hangs_together_widens_the_errors() -> None:
 
 
 def test_a_low_quality_rings_below_its_eigenfrequency() -> None:
-    """Damped by a third of its frequency: f_r^2 = f^2 - (w/2)^2."""
+    """Damped by a third of its frequency: f^2 = f0^2 - (w/2)^2, and both are printed."""
     f, width = 30.0, 10.0
     ringing = math.sqrt(f**2 - 0.25 * width**2)
     found = ff.ringdown(T, decay(ringing, width).real + noise(1e-3, 1))
-    assert found.frequency.value == pytest.approx(f, abs=4.0 * found.frequency.std)
+    assert found.frequency.value == pytest.approx(ringing, abs=4.0 * found.frequency.std)
+    assert found.eigenfrequency.value == pytest.approx(f, abs=4.0 * found.eigenfrequency.std)
     assert abs(ringing - f) > 20.0 * found.frequency.std
+    assert re.search(r"^f0 +29\.99|^f0 +30\.0", repr(found), re.MULTILINE)
     assert found.q.value == pytest.approx(3.0, rel=1e-2)
 
 

@@ -32,7 +32,7 @@ from fitting.campaign.instruments.recording import (
     numbered_points,
 )
 from fitting.campaign.instruments.roles import FREQUENCY, TIME, plain_name
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, SeveralSweeps
 from fitting.text.files import read_head
 from fitting.text.loose_tables import suffixed_unit
 from fitting.text.notation import how_many
@@ -190,10 +190,11 @@ def _axis(path: Path, arrays: Sequence[NamedArray], words: str) -> NamedArray:
                 f"{a.name} ({how_many(a.values.size, 'point')})" for a in axes[:SHOWN]
             )
             more = f"; {len(axes) - SHOWN} more" if len(axes) > SHOWN else ""
-            raise BadInput(
+            raise SeveralSweeps(
                 f"{path}: is {words}; it holds {len(axes)} {what}: {names}{more}; wanted one of "
                 f'them, by --{key} "{axes[0].name}", or in the campaign, as columns = {{ {key} = '
-                f'"{axes[0].name}" }}'
+                f'"{axes[0].name}" }}',
+                parts=[{key: a.name} for a in axes],
             )
         if axes and axes is not unnamed:
             return axes[0]

@@ -27,7 +27,7 @@ from fitting.campaign.instruments.recording import (
 )
 from fitting.campaign.instruments.roles import TIME, usual
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, SeveralSweeps
 from fitting.text.loose_tables import UNITS, cells_of, is_number
 from fitting.text.notation import how_many
 from fitting.text.tables import (
@@ -326,9 +326,10 @@ def _one_chunk(path: Path, chunks: Sequence[str], wanted: int | None) -> str:
         return present[0]
     if wanted is not None and str(wanted) in present:
         return str(wanted)
-    raise BadInput(
+    raise SeveralSweeps(
         f"{path}: holds the sweeps (chunks) {', '.join(present)}; wanted one of them, "
-        f"as 'chunk = {present[-1]}' in the campaign"
+        f"as 'chunk = {present[-1]}' in the campaign",
+        parts=[{"chunk": int(chunk)} for chunk in present if chunk.isdigit()],
     )
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign.measured import check_count, check_rising
+from fitting.lines.poles import ComplexLine, complex_line
 from fitting.measurements.complex.wiring import Wiring
 from fitting.measurements.record import Curve, Record
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
-from fitting.signal.complex_line import ComplexLine, complex_line
 from fitting.signal.roughness import roughness
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts

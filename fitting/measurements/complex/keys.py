@@ -32,10 +32,10 @@ from fitting.campaign.instruments.roles import (
     requested_column,
     without_zero,
 )
+from fitting.lines.poles import complex_line
 from fitting.measurements.clipped import cut_off
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
-from fitting.signal.complex_line import complex_line
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.frequency import hertz_of

@@ -1,9 +1,13 @@
-"""One resonance in complex data by linear least squares: where a fit begins, what is plausible.
+"""Poles of complex values by linear least squares: where fits of lines begin, what is plausible.
 
-    S(u) exp(i 2 pi u tau) = (a0 + a1 u)/(1 + b u)
+    S(u) exp(i 2 pi u tau) = (a0 + a1 x + a2 x^2 ...)/(1 + b1 x + ... + bp x^p)
 
-holds a damped mode seen through any complex gain and constant background; u = -1/b is its pole,
-eta + i w/2 for responses that count phases as exp(+i 2 pi u t). tau is a cable's delay.
+Its p poles are damped modes, eta + i w/2 for responses that count phases as exp(+i 2 pi u t), each
+seen through a complex gain of its own: with p coefficients above nothing is next to them, with
+p + 1 a complex constant. x is (u - u0)/half the span, u0 the middle of the sweep, tau a cable's
+delay.
+
+Source: C. Sanathanan and J. Koerner, IEEE Trans. Autom. Control 8 (1963) 56.
 """
 
 from __future__ import annotations
@@ -56,8 +60,6 @@ def complex_line(
         frequency_hz: frequencies (n,), Hz, rising.
         values: measured (n,), any unit.
         delay_s: known delay, s; None: it is looked for.
-
-    Source: C. Sanathanan and J. Koerner, IEEE Trans. Autom. Control 8 (1963) 56.
     """
     largest = float(np.max(np.abs(values)))
     if not float(np.max(np.abs(values - values[0]))) > CONSTANT * largest:
@@ -160,15 +162,51 @@ def mean_delay(frequency_hz: FloatArray, values: ComplexArray) -> tuple[float, f
     return float(-turn / (2.0 * np.pi * np.mean(steps[near]))), float(np.sum(steps[near]))
 
 
+def rational(
+    x: FloatArray, values: ComplexArray, poles: int, above: int
+) -> tuple[ComplexArray, ComplexArray]:
+    """Coefficients a (above,) and b (poles,) of a rational function, lowest power first.
+
+    Args:
+        x: from -1 to 1, shape (n,).
+        values: shape (n,), of order one.
+        poles: number of poles, p.
+        above: number of coefficients of the numerator.
+    """
+    powers = x[:, None] ** np.arange(max(above, poles + 1))
+    below = powers[:, 1 : poles + 1]
+    columns = np.concatenate([powers[:, :above] + 0j, -below * values[:, None]], axis=1)
+    weights, found = np.ones_like(x), np.zeros(above + poles, dtype=complex)
+    for _ in range(ROUNDS):
+        found = np.linalg.lstsq(columns * weights[:, None], values * weights, rcond=None)[0]
+        weights = 1.0 / np.maximum(np.abs(1.0 + below @ found[above:]), 1e-12)
+    return found[:above], found[above:]
+
+
+def poles(frequency_hz: FloatArray, values: ComplexArray, count: int) -> list[tuple[float, float]]:
+    """Frequencies and full widths of so many poles on a complex constant, Hz, seen ones first.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz, rising.
+        values: measured (n,), any unit, the delay of a cable taken off.
+        count: number of poles.
+    """
+    middle, half = (
+        0.5 * float(frequency_hz[0] + frequency_hz[-1]),
+        0.5 * float(np.ptp(frequency_hz)),
+    )
+    x = (frequency_hz - middle) / half
+    _, below = rational(x, values / np.max(np.abs(values)), count, count + 1)
+    found = [p for p in np.roots([*below[::-1], 1.0]) if np.isfinite(p)]
+    found.sort(key=lambda p: (abs(p.real) > 1.0, p.real))
+    return [(middle + half * float(p.real), 2.0 * half * abs(float(p.imag))) for p in found]
+
+
 def _line(f: FloatArray, s: ComplexArray, delay_s: float) -> ComplexLine:
     middle, half = 0.5 * float(f[0] + f[-1]), 0.5 * float(f[-1] - f[0])
     x = (f - middle) / half
     z = s * np.exp(2j * np.pi * (f - middle) * delay_s)
-    columns = np.column_stack([np.ones_like(z), x, -x * z])
-    weights = np.ones_like(x)
-    for _ in range(ROUNDS):
-        top, slope, bottom = np.linalg.lstsq(columns * weights[:, None], z * weights, rcond=None)[0]
-        weights = 1.0 / np.maximum(np.abs(1.0 + bottom * x), 1e-12)
+    (top, slope), (bottom,) = rational(x, z, 1, 2)
     rms = float(np.sqrt(np.mean(np.abs((top + slope * x) / (1.0 + bottom * x) - z) ** 2)))
     spread = float(np.sqrt(np.mean(np.abs(z - np.mean(z)) ** 2)))
     pole = middle - half / bottom if bottom != 0.0 else complex(middle, np.inf)
