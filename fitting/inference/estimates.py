@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,8 +19,22 @@ from fitting.measurements.dataset import places_of_outputs
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import OffsetEstimate, OutputEstimate, ParameterEstimate, Verdict
+from fitting.text.estimate import (
+    FittedEstimate,
+    OffsetEstimate,
+    OutputEstimate,
+    ParameterEstimate,
+    Verdict,
+)
 from fitting.text.rendering import phrase
+
+#: What a profile gives an estimate.
+BY_PROFILE = (
+    *("std", "ci68", "ci95", "shrinkage", "status", "simulation", "reason", "method"),
+    *("closed_by", "active_bounds"),
+)
+
+Fitted = TypeVar("Fitted", bound=FittedEstimate)
 
 #: Step in x for the slopes of derived outputs, at most a quarter of the bounds' distance.
 OUTPUT_STEP = 1e-4
@@ -261,3 +275,37 @@ def offset_results(solution: Solution, estimates: Estimates) -> dict[str, Offset
             **error.about | {"std": error.std},
         )
     return results
+
+
+def judged(
+    values: Mapping[str, Fitted],
+    profiled: Mapping[str, FittedEstimate],
+    apart: Mapping[str, str],
+    why_not: str,
+    at_bounds: tuple[str, ...],
+) -> dict[str, Fitted]:
+    """Values with status, error and intervals of their profiles, where these were scanned.
+
+    Args:
+        values: with the errors of the linearised problem, by name.
+        profiled: with those of their profiles.
+        apart: why single values have none, by name.
+        why_not: why none has any; empty: the fit converged and the model describes the data.
+        at_bounds: parameters that the data would move beyond their bounds: how far other values go
+            along is not known without scans, and linearised ones have no errors.
+    """
+    made = {}
+    for name, value in values.items():
+        why = apart.get(name, why_not)
+        if name in profiled:
+            known = {each: getattr(profiled[name], each) for each in BY_PROFILE}
+            value = replace(value, **known)
+        if why:
+            value = value.withdrawn(why)
+        elif at_bounds and value.status is Verdict.LINEARISED:
+            reason, status = phrase("status", "on_bound", at_bounds), Verdict.UNKNOWN
+            value = replace(
+                value, status=status, std=math.nan, reason=reason, active_bounds=at_bounds
+            )
+        made[name] = value
+    return made

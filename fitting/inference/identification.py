@@ -15,7 +15,7 @@ from fitting.fit.optimum import most_likely
 from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
 from fitting.inference.checks.solutions import residual_findings
-from fitting.inference.determine import InferenceOptions, Limits, determine
+from fitting.inference.determine import InferenceOptions, Limits, determine, shared_values
 from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.measurements.measurement import Response
@@ -91,7 +91,7 @@ def identify(
         data=not request.expected,
         bootstrap=request.bootstrap,
         progress=request.progress,
-        only=_shared(problem) if own > FEW_OWN else (),
+        only=shared_values(problem) if own > FEW_OWN else (),
         structure=structure,
     )
     found = determine(objective, begins[0], noise, options)
@@ -114,11 +114,6 @@ def own_profiled(problem: Problem) -> int:
     """
     own = own_count(problem.parameters)
     return own if own <= FEW_OWN else 0
-
-
-def _shared(problem: Problem) -> tuple[str, ...]:
-    """Names of the values that no single experiment has of its own."""
-    return (*(p.name for p in problem.parameters if not p.experiments), *problem.outputs)
 
 
 def _beginnings(problem: Problem, values: Mapping[str, float] | None) -> list[FloatArray]:
