@@ -131,7 +131,7 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
             break
         evaluator.likelihood = stated
         result = _with_noise(evaluator, [result.expansion.x])
-    with evaluator.beyond_limit():  # outputs and their slopes rest on it
+    with evaluator.limited():  # outputs and their slopes rest on it
         return replace(result, expansion=with_outputs(evaluator, result.expansion))
 
 
@@ -260,7 +260,7 @@ def _best_of(
 ) -> tuple[Expansion, bool]:
     """The lowest end of searches from several starts, and whether it is a minimum."""
     # whatever begins later begins where something was found, which is not to be lost
-    with evaluator.beyond_limit() if evaluator.evaluations else nullcontext():
+    with evaluator.limited() if evaluator.evaluations else nullcontext():
         try:
             started = expand(evaluator, starts, outputs=False)
         except Exhausted:

@@ -12,6 +12,7 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -219,10 +220,9 @@ def _lowest(
     """
     known = list(options.minima or ())
     if options.minima is None and options.data:
-        try:
+        # no more than half of what is left: the rest is for the intervals
+        with evaluator.limited(0.5 * (evaluator.spent + evaluator.limit)), suppress(Exhausted):
             known = [minimum.x for minimum in search_box(evaluator, [], options.seed, 0)[0]]
-        except Exhausted:
-            known = []
     for _ in range(ANEW):
         parameters, x = optimum.likelihood.parameters, optimum.expansion.x
         images = [image for twin in twins if (image := twin.of(parameters, x)) is not None]

@@ -71,23 +71,16 @@ def identify(
     if request.expected:
         begins = begins[:1]
     noise, structure = _noise(objective, begins[0], request.expected)
-    others = [a for a in problem.alternatives if dict(a) != dict(chosen)]
-    equal_fits = (
-        ()
-        if request.expected
-        else tuple(
-            equal
-            for a in others
-            if (equal := equal_fit((objective_of(a), begins), (objective, begins), a, noise))
-        )
-    )
+    others = [a for a in problem.alternatives if dict(a) != dict(chosen) and not request.expected]
+    pairs = ((a, (objective_of(a), begins)) for a in others)
+    equal_fits = [equal_fit(there, (objective, begins), a, noise) for a, there in pairs]
     own = own_count(problem.parameters)
     options = InferenceOptions(
         units=units,
         seed=request.seed,
         budget=request.budget,
         others=begins[1:],
-        alternatives=equal_fits,
+        alternatives=tuple(equal for equal in equal_fits if equal is not None),
         data=not request.expected,
         bootstrap=request.bootstrap,
         progress=request.progress,
