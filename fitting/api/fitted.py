@@ -32,8 +32,7 @@ from fitting.fit.path import HistoryRow, Hooks, Memory, Progress
 from fitting.fit.problem import Problem as Record
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
-from fitting.inference.inferred import Inferred
-from fitting.inference.likelihood.knowledge import Knowledge, Scan
+from fitting.inference.likelihood.knowledge import Inferred, Knowledge, Scan
 from fitting.inference.sweeps import SweepFindings, sweep_findings
 from fitting.report.details import detail_lines
 from fitting.report.summary import result_lines

@@ -15,6 +15,7 @@ from fitting.fit.differences import forward
 from fitting.fit.objective import Nu, Objective, Point, evaluate_many, j_reg, jacobian_of, stencil
 from fitting.text.arrays import FloatArray
 
+Key = TypeVar("Key")
 Kept = TypeVar("Kept")
 
 #: Points and Jacobians kept; a solver goes back by one or two iterates at most.
@@ -45,8 +46,7 @@ class Evaluator:
         self.lower, self.upper = search_bounds(objective.parameters)
         self.counts = Counts()
         self._points: dict[bytes, Point] = {}
-        self._jacobians: dict[bytes, FloatArray] = {}
-        self._slopes: dict[bytes, FloatArray] = {}
+        self._matrices: dict[tuple[bool, bytes], FloatArray] = {}
 
     def point(self, x: FloatArray) -> Point:
         """The point at x, simulated at most once while it is remembered.
@@ -54,7 +54,7 @@ class Evaluator:
         Args:
             x: search vector (n,).
         """
-        return self._remembered(self._points, x, lambda: self.points([x])[0])
+        return _remembered(self._points, x.tobytes(), lambda: self.points([x])[0])
 
     def points(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
         """Points at several search vectors, in one batch.
@@ -69,44 +69,34 @@ class Evaluator:
             self._points.update((point.x.tobytes(), point) for point in points)
         return points
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        """dr/dx at x by central differences, shape (n_rows, n), one batch.
+    def jacobian(self, x: FloatArray, *, is_central: bool = True) -> FloatArray:
+        """dr/dx at x, shape (n_rows, n), one batch.
 
         Args:
             x: search vector (n,).
+            is_central: by central differences, else by forward ones: half the evaluations, to solve
+                by.
         """
 
         def quotients() -> FloatArray:
-            around = stencil(self.objective, x)
             self.counts += Counts(jacobians=1)
-            return jacobian_of(around, self.points(around.nodes))
-
-        return self._remembered(self._jacobians, x, quotients)
-
-    def slopes(self, x: FloatArray) -> FloatArray:
-        """dr/dx at x by forward differences, shape (n_rows, n): half the evaluations, to solve by.
-
-        Args:
-            x: search vector (n,).
-        """
-
-        def quotients() -> FloatArray:
+            if is_central:
+                around = stencil(self.objective, x)
+                return jacobian_of(around, self.points(around.nodes))
             here, around = self.point(x), forward(x, self.objective.steps, self.upper)
-            self.counts += Counts(jacobians=1)
             return jacobian_of(around, [here, *self.points(around.nodes[1:])])
 
-        return self._remembered(self._slopes, x, quotients)
+        return _remembered(self._matrices, (is_central, x.tobytes()), quotients)
 
-    @staticmethod
-    def _remembered(memory: dict[bytes, Kept], x: FloatArray, evaluate: Callable[[], Kept]) -> Kept:
-        """What the memory holds for x, else evaluated; of more than a few the oldest goes."""
-        key = x.tobytes()
-        if key not in memory:
-            value = evaluate()
-            if len(memory) >= REMEMBERED:
-                memory.pop(next(iter(memory)))
-            memory[key] = value
-        return memory[key]
+
+def _remembered(memory: dict[Key, Kept], key: Key, evaluate: Callable[[], Kept]) -> Kept:
+    """What the memory holds, else evaluated; of more than a few the oldest goes."""
+    if key not in memory:
+        value = evaluate()
+        if len(memory) >= REMEMBERED:
+            memory.pop(next(iter(memory)))
+        memory[key] = value
+    return memory[key]
 
 
 def total(point: Point, nu: Nu, misfit: str) -> float:

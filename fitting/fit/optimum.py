@@ -63,12 +63,6 @@ class Optimum:
         """Chi square (inflated, priors included) at the optimum."""
         return self.expansion.chi_square
 
-    @property
-    def data_square(self) -> float:
-        """Chi square of the data at the optimum itself, by the noise as it is stated."""
-        rows = self.expansion.sample.rows[: self.likelihood.data_rows]
-        return self.likelihood.inflation**2 * float(rows @ rows)
-
     def delta(self, chi_square: float, freedom: float | None = None) -> float:
         """Dchi^2 of a point, as improbable as of noise that is known (`normal_square`).
 
@@ -127,7 +121,10 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
     stated = evaluator.likelihood
     result = _with_noise(evaluator, starts)
     for _ in range(ONCE_MORE):
-        if result.data_square > result.chi_square - MISSED:
+        data = result.expansion.sample.rows[: result.likelihood.data_rows]
+        # at the optimum itself, by the noise as it is stated
+        square = result.likelihood.inflation**2 * float(data @ data)
+        if square > result.chi_square - MISSED:
             break
         evaluator.likelihood = stated
         result = _with_noise(evaluator, [result.expansion.x])

@@ -30,11 +30,10 @@ from fitting.inference.estimates import (
     parameter_results,
 )
 from fitting.inference.findings import findings_of, in_order
-from fitting.inference.inferred import Inferred
 from fitting.inference.joint import consistency, contradicted, contradictions, without_values
-from fitting.inference.likelihood.knowledge import Adequacy, Determined
+from fitting.inference.likelihood.knowledge import Adequacy, Determined, Inferred, Quadratures
 from fitting.inference.likelihood.nu_choice import choose_nu
-from fitting.inference.quadratures import Quadratures, quadratures_of
+from fitting.inference.quadratures import quadratures_of
 from fitting.inference.solved import Solved
 from fitting.inference.sweep_line import values_of_line
 from fitting.inference.sweeps import SweepFindings, sweep_findings

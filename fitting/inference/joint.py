@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,7 +27,14 @@ from fitting.fit.noise import noise_of
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.estimates import Outputs
-from fitting.inference.likelihood.knowledge import CONTRADICT, WORTH_A_WARNING, PairTest
+from fitting.inference.likelihood.knowledge import (
+    CONTRADICT,
+    WORTH_A_WARNING,
+    JointResult,
+    PairTest,
+    SeriesPart,
+    ValueAlone,
+)
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.signal.misfit import excess_share
@@ -39,68 +46,6 @@ from fitting.text.rendering import phrase
 BETTER_THAN_BOX = 3.0
 #: Standard deviations from which the values of two campaigns that contradict each other differ.
 APART = 3.0
-
-
-# --- records --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class ValueAlone:
-    """A value as one campaign alone determines it (NaN where it does not), with its error."""
-
-    value: float
-    std: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class SeriesPart:
-    """One campaign of a joint fit.
-
-    `chi` is its scale; `determined` how many numbers its data determine; `chi_square_joint` of its
-    rows at the joint solution and `chi_square_alone` at its own, both linearised at the former;
-    `rows` the number of its rows, `alone` what it determines by itself, by name; `swept_initial_v`
-    and `swept_final_v` its sweep as simulated (scaled) before and after, at the measured points.
-    """
-
-    name: str
-    campaign: str
-    scale_kind: str
-    chi: float
-    rows: int
-    determined: int
-    chi_square_joint: float
-    chi_square_alone: float
-    inflation: float
-    alone: Mapping[str, ValueAlone]
-    swept_initial_v: tuple[float, ...] = ()
-    swept_final_v: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class JointResult:
-    """Campaigns of a joint fit, and whether they agree."""
-
-    series: tuple[SeriesPart, ...]
-    tensions: tuple[PairTest, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExternalTest:
-    """Distance of a result from a value found elsewhere, in standard deviations (NaN: untestable).
-
-    `std` of the external value is zero where none was given; `found`, `found_std` are the result's.
-    """
-
-    name: str
-    value: float
-    std: float
-    unit: str
-    found: float
-    found_std: float
-    sigmas: float
-
-
-# --- tests ----------------------------------------------------------------------------------------
 
 
 class _System:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,54 +23,14 @@ from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.solution import Solution
 from fitting.inference.estimates import Outputs
+from fitting.inference.likelihood.knowledge import PhaseGain, Quadratures
 from fitting.measurements.measurement import Estimated, Prediction
 from fitting.text.estimate import Estimate, Verdict
-from fitting.text.notation import number
 
 #: Standard deviations of a Gaussian between which 95 % lie.
 NINETY_FIVE = 1.959964
 #: Share of the largest size or singular value below which a column is none.
 NOTHING = 1e-9
-
-
-@dataclass(frozen=True, kw_only=True)
-class PhaseGain:
-    """Standard deviation of a value, of `amplitudes` alone and with `phases`, in `unit`.
-
-    With phases it is the reported one, of amplitudes alone it is as many times as wide as in the
-    linearised problem.
-    """
-
-    name: str
-    unit: str
-    amplitudes: float
-    phases: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quadratures:
-    """Gains in precision by phases, and qualities that follow from what is solved inside.
-
-    Both are empty without any. The interval of a quality is symmetric in its logarithm, that of a
-    quality factor in 1/Q, and infinite above where no loss at all would suit the data as well; its
-    value is NaN where its loss comes out negative.
-    """
-
-    gains: tuple[PhaseGain, ...] = ()
-    qualities: tuple[Estimate, ...] = ()
-
-    @property
-    def alike(self) -> list[list[PhaseGain]]:
-        """The gains, those of one number together: outputs of the FMU that are a parameter.
-
-        Profiles, which are scanned for each, are the same as far as they are printed.
-        """
-        groups: dict[tuple[str, ...], list[PhaseGain]] = {}
-        for gain in self.gains:
-            ratio = f"{gain.amplitudes / gain.phases:.6g}"
-            key = (gain.unit, number(gain.amplitudes, 2), number(gain.phases, 2), ratio)
-            groups.setdefault(key, []).append(gain)
-        return list(groups.values())
 
 
 def quadratures_of(

@@ -224,7 +224,17 @@ def outlying_experiment(solution: Solution) -> Iterator[Finding]:
     if len(groups) < 3:
         return
     rows = {label: np.array(mine, dtype=np.intp) for label, mine in groups.items()}
-    promising = sorted(rows, key=lambda label: _promised(solution, rows[label]))[:TRIED]
+
+    def left_by(label: str) -> float:
+        """Chi square of the linearised problem without an experiment."""
+        sigma, prior = solution.noise.sigma.copy(), inverse_priors(solution.parameters)
+        sigma[rows[label]] *= EXCLUDED
+        stacked = np.vstack([solution.matrix / sigma[:, None], np.diag(prior)])
+        target = np.append(solution.final.residuals / sigma, prior * solution.final.x)
+        remaining = target - stacked @ scaled_solution(stacked, target)
+        return float(remaining @ remaining)
+
+    promising = sorted(rows, key=left_by)[:TRIED]
     refits = {label: refitted(solution, solution.objective, rows[label]) for label in promising}
     good = [label for label, refit in refits.items() if refit.fits]
     if len(good) != 1:
@@ -234,17 +244,6 @@ def outlying_experiment(solution: Solution) -> Iterator[Finding]:
     # rows are model/data - 1
     factor = float(np.mean(1.0 / np.maximum(1.0 + left, LEAST)))
     yield warning(Kind.outlier, label, None, **refits[label].numbers, factor=factor)
-
-
-def _promised(solution: Solution, excluded: IntArray) -> float:
-    """Chi square of the linearised problem without some rows."""
-    sigma = solution.noise.sigma.copy()
-    sigma[excluded] *= EXCLUDED
-    prior = inverse_priors(solution.parameters)
-    stacked = np.vstack([solution.matrix / sigma[:, None], np.diag(prior)])
-    target = np.append(solution.final.residuals / sigma, prior * solution.final.x)
-    left = target - stacked @ scaled_solution(stacked, target)
-    return float(left @ left)
 
 
 # --- exchanges ------------------------------------------------------------------------------------
