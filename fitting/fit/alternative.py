@@ -14,11 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import search_bounds, to_model
-from fitting.fit.evaluator import Counts, Evaluator
 from fitting.fit.interior_point import inside
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, noise_of, shared
-from fitting.fit.objective import Objective, Point, evaluate_many
+from fitting.fit.objective import Counts, Evaluator, Objective, Point, evaluate_many
 from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.options import Schedule
 from fitting.fit.outputs import mean

@@ -22,8 +22,7 @@ from fitting.fit.alternative import (
     search_alternative,
     with_values,
 )
-from fitting.fit.evaluator import Counts, Evaluator
-from fitting.fit.objective import make_objective
+from fitting.fit.objective import Counts, Evaluator, make_objective
 from fitting.fit.options import Options
 from fitting.fit.outputs import runs_of_outputs
 from fitting.fit.path import (

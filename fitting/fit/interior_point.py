@@ -22,8 +22,7 @@ import numpy as np
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, least_squares, minimize
 from scipy.sparse import block_array, csr_array, diags_array, eye_array
 
-from fitting.fit.evaluator import Evaluator, total
-from fitting.fit.objective import Nu, j_reg
+from fitting.fit.objective import Evaluator, Nu, j_reg, total
 from fitting.text.arrays import FloatArray
 
 #: First barrier parameter, in units of J (of one where J is more): that of scipy.

@@ -20,9 +20,8 @@ from typing import Protocol
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, search_bounds, starts, to_search
-from fitting.fit.evaluator import Counts, Evaluator, total
 from fitting.fit.interior_point import Solve, inside, second_value, solve
-from fitting.fit.objective import Objective, j_reg, weights
+from fitting.fit.objective import Counts, Evaluator, Objective, j_reg, total, weights
 from fitting.fit.options import Options
 from fitting.fit.outputs import mean
 from fitting.fit.search import Box

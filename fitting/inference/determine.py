@@ -18,7 +18,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import canonical, to_model
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import Status
 from fitting.fit.levenberg import Goal, expand, minimise
 from fitting.fit.likelihood import (
@@ -30,7 +29,7 @@ from fitting.fit.likelihood import (
     likelihood_of,
 )
 from fitting.fit.noise import RowNoise
-from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.objective import Evaluator, Objective, evaluate_many
 from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem

@@ -18,8 +18,7 @@ import pytest
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
 from fitting.fit.alternative import search_alternative
-from fitting.fit.evaluator import Evaluator
-from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.objective import Evaluator, Objective, evaluate_many
 from fitting.fit.options import Schedule, options_of
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
