@@ -54,7 +54,7 @@ from fitting.inference.likelihood.knowledge import (
     Profile,
 )
 from fitting.inference.likelihood.ranges import output_ranges
-from fitting.inference.likelihood.scan import scanned
+from fitting.inference.likelihood.scan import scan_profiles
 from fitting.inference.statuses import profiles as profiles_of
 from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray
@@ -150,11 +150,11 @@ def determine(
 
     evaluator.begin(Stage.MINIMA)
     optimum = most_likely(evaluator, [solution, *options.others])
-    optimum, minima = _lowest(evaluator, optimum, twins, options)
+    optimum, minima = _lowest_minimum(evaluator, optimum, twins, options)
     adequacy = _adequacy(optimum, options)
     if not adequacy.describes and options.minima is not None and not options.minima:
         # without a search nothing shows that it is the model, and not where the fit began
-        optimum, minima = _lowest(evaluator, optimum, twins, replace(options, minima=None))
+        optimum, minima = _lowest_minimum(evaluator, optimum, twins, replace(options, minima=None))
         adequacy = _adequacy(optimum, options)
     if evaluator.cuts and not optimum.converged and not adequacy.describes:
         raise OutOfBudget(
@@ -167,13 +167,13 @@ def determine(
         optimum.degrees_of_freedom,
     )
     if not adequacy.describes:
-        return _determined(evaluator, optimum, adequacy, {}, (), options)
+        return _assemble(evaluator, optimum, adequacy, {}, (), options)
 
     evaluator.begin(Stage.SCANS)
     for attempt in range(ANEW + 1):
         response, x = optimum.likelihood.objective.response, optimum.expansion.x
         ranges = output_ranges(response, optimum.likelihood.parameters, options.seed, [x])
-        scans = scanned(evaluator, optimum, ranges, minima, options.only, exact)
+        scans = scan_profiles(evaluator, optimum, ranges, minima, options.only, exact)
         better = min(scans.shared, key=lambda each: each.delta, default=None)
         if attempt == ANEW or better is None or not better.delta < -BETTER:
             break
@@ -181,7 +181,7 @@ def determine(
         options = replace(options, minima=[*(options.minima or ()), x, *(m.x for m in minima)])
         evaluator.likelihood = optimum.likelihood.stated
         optimum = most_likely(evaluator, [better.x])
-        optimum, minima = _lowest(evaluator, optimum, twins, options)
+        optimum, minima = _lowest_minimum(evaluator, optimum, twins, options)
     separate = identifiability.equivalents(evaluator, scans, twins)
     equivalents = (*separate, *options.alternatives)
     redundant = is_redundant(optimum)
@@ -189,7 +189,7 @@ def determine(
     if options.only:  # an output without a value is not asked for either
         profiles = {name: p for name, p in profiles.items() if name in options.only}
     adequacy = _adequacy(optimum, options)
-    return _determined(evaluator, optimum, adequacy, profiles, equivalents, options)
+    return _assemble(evaluator, optimum, adequacy, profiles, equivalents, options)
 
 
 def shared_values(problem: Problem) -> tuple[str, ...]:
@@ -206,7 +206,7 @@ def _adequacy(optimum: Optimum, options: InferenceOptions) -> Adequacy:
     return adequacy_of(optimum, options.structure, options.closer, options.scale_off)
 
 
-def _lowest(
+def _lowest_minimum(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
     twins: Sequence[Twin],
@@ -225,7 +225,7 @@ def _lowest(
     for _ in range(ANEW):
         parameters, x = optimum.likelihood.parameters, optimum.expansion.x
         images = [image for twin in twins if (image := twin.of(parameters, x)) is not None]
-        minima = _that_fit(evaluator, optimum, [*images, *known])
+        minima = _minima_that_fit(evaluator, optimum, [*images, *known])
         lower = next(iter(minima), None)
         if lower is None or not float(lower.rows @ lower.rows) < optimum.least - BETTER:
             lower, alike = None, []
@@ -246,7 +246,7 @@ def _lowest(
     return optimum, minima
 
 
-def _that_fit(
+def _minima_that_fit(
     evaluator: LikelihoodEvaluator, optimum: Optimum, begins: Sequence[FloatArray]
 ) -> list[Sample]:
     """Points apart from the optimum that fit; from those that nearly do a search goes on."""
@@ -275,7 +275,7 @@ def _that_fit(
     return apart
 
 
-def _determined(
+def _assemble(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
     adequacy: Adequacy,

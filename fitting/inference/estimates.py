@@ -262,7 +262,7 @@ def offset_results(solution: Solution, estimates: Estimates) -> dict[str, Offset
     return results
 
 
-def judged(
+def with_profiles(
     values: Mapping[str, Fitted],
     profiled: Mapping[str, FittedEstimate],
     apart: Mapping[str, str],

@@ -24,10 +24,10 @@ from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.estimates import (
     Estimates,
     derived_results,
-    judged,
     offset_results,
     outputs_of,
     parameter_results,
+    with_profiles,
 )
 from fitting.inference.findings import findings_of, in_order
 from fitting.inference.joint import consistency, contradicted, contradictions, without_values
@@ -90,16 +90,16 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
     request = request or InferenceRequest()
     fit, sweeps = _with_doubts(fit, request.sweeps)
     read = _read(fit, request, sweeps, ())
-    settled = _settled(fit, read)
+    settled = _with_better_fit(fit, read)
     if settled is fit:
-        return _inferred(fit, sweeps, read, request)
+        return _assemble(fit, sweeps, read, request)
     # other minima that fit are known to the second search
     parameters = fit.solution.parameters
     met = () if read.determined is None else read.determined.knowledge.equivalents
     values = [other.parameters for other in met if other.origin == "start"]
     known = [to_search(parameters, np.array([v[p.name] for p in parameters])) for v in values]
     fit, sweeps = _with_doubts(settled, None)
-    return _inferred(fit, sweeps, _read(fit, request, sweeps, known), request)
+    return _assemble(fit, sweeps, _read(fit, request, sweeps, known), request)
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def _read(
     scale_off = max(beyond, default=math.nan)
     if request.profiles:
         try:
-            determined = _determined(fit, request, sweeps, noise, known, scale_off)
+            determined = _profiles(fit, request, sweeps, noise, known, scale_off)
             knowledge = determined.knowledge
             best = np.array([knowledge.most_likely[p.name] for p in solution.parameters])
             return _Reading(best, knowledge.adequacy, knowledge.inflation, determined)
@@ -179,7 +179,7 @@ def _read(
     return _Reading(best, adequacy, optimum.likelihood.inflation, missing=missing, at_bounds=names)
 
 
-def _determined(
+def _profiles(
     fit: Fit,
     request: InferenceRequest,
     sweeps: SweepFindings,
@@ -219,7 +219,7 @@ def _determined(
     return replace(determined, knowledge=replace(determined.knowledge, nu=nu))
 
 
-def _settled(fit: Fit, read: _Reading) -> Fit:
+def _with_better_fit(fit: Fit, read: _Reading) -> Fit:
     """The fit, made anew where its most likely point shows that it has to be; else itself.
 
     Profiles come by other minima, too: where chi square is lower than its own, that is reported.
@@ -242,7 +242,7 @@ def _settled(fit: Fit, read: _Reading) -> Fit:
     return replace(anew, solution=solution.weighed(noise))
 
 
-def _inferred(
+def _assemble(
     fit: Fit, sweeps: SweepFindings, read: _Reading, request: InferenceRequest
 ) -> Inference:
     """Values, how the fit ended, and findings, of what it was read as."""
@@ -298,9 +298,9 @@ def _inferred(
     if not is_best and data.unexplained(residuals):
         apart = dict.fromkeys(units, phrase("status", "undescribed"))
     profiled = {} if determined is None else determined.profiled
-    parameters = judged(parameters, profiled, apart, why_not, read.at_bounds)
-    derived = judged(derived, profiled, apart, why_not, read.at_bounds)
-    offsets = judged(offset_results(solution, estimates), {}, {}, why_not, ())
+    parameters = with_profiles(parameters, profiled, apart, why_not, read.at_bounds)
+    derived = with_profiles(derived, profiled, apart, why_not, read.at_bounds)
+    offsets = with_profiles(offset_results(solution, estimates), {}, {}, why_not, ())
     named: dict[str, FittedEstimate] = {**parameters, **derived}
     if not sweeps.faults and not any(test.contradicts for test in sweeps.agreement):
         # a line that nothing speaks against states which of the values are its own

@@ -195,7 +195,7 @@ class Refit:
         return {"chi_square": self.chi_square, "freedom": self.freedom}
 
 
-def refitted(solution: Solution, objective: Objective, excluded: IntArray) -> Refit:
+def refit_of(solution: Solution, objective: Objective, excluded: IntArray) -> Refit:
     """The most likely point of an objective from a solution, without some rows.
 
     Args:
@@ -235,7 +235,7 @@ def outlying_experiment(solution: Solution) -> Iterator[Finding]:
         return float(remaining @ remaining)
 
     promising = sorted(rows, key=left_by)[:TRIED]
-    refits = {label: refitted(solution, solution.objective, rows[label]) for label in promising}
+    refits = {label: refit_of(solution, solution.objective, rows[label]) for label in promising}
     good = [label for label, refit in refits.items() if refit.fits]
     if len(good) != 1:
         return
@@ -306,8 +306,8 @@ def exchanged_drift(solved: Solved) -> Iterator[Finding]:
             response=response.answering(reversed_tones),
             data=replace(objective.data, measurements=reversed_tones),
         )
-        refit = refitted(solution, other, everything)
-        before = refitted(solution, objective, everything)
+        refit = refit_of(solution, other, everything)
+        before = refit_of(solution, objective, everything)
         left = excess_share(refit.chi_square, before.chi_square, refit.freedom)
         if refit.fits or left < MOST_LEFT_REVERSED:  # a drift that bends leaves some
             yield warning(Kind.drift_exchanged, name or "drift", None, **refit.numbers)

@@ -87,7 +87,7 @@ NOWHERE = 0.05
 BEYOND, EXTENSIONS = 0.02, 3
 
 
-def scanned(
+def scan_profiles(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
     ranges: Mapping[str, OutputRange],
