@@ -154,7 +154,8 @@ def _along_curves(
             white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
             each.append(_Along(name, mine, white, curve.share))
         asked += each
-        if len(each) > 1:  # what every sweep of a map has too weakly to be told alone
+        # what every sweep of a map has too weakly to be seen alone; peaks have no common axis
+        if len(each) > 1 and m.is_curve:
             columns = zip(*(curve[1:] for curve in each), strict=True)
             asked.append(_Along(m.series, *map(np.concatenate, columns)))
     correlated = np.zeros(rows.size, dtype=bool)
