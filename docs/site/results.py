@@ -13,12 +13,12 @@ from typing import Any
 from docs.site.markdown import code, escaped, table
 from fitting.design.result import Design, Ways
 from fitting.inference.likelihood.knowledge import Identification
+from fitting.lines import record as line_record
+from fitting.lines.line import Line
+from fitting.lines.noise_spectrum import NoiseLine
+from fitting.lines.ringdown import Ringdown
 from fitting.posterior.summary import PosteriorSummary
-from fitting.resonance.line import Line
-from fitting.resonance.noise_line import NoiseLine
-from fitting.resonance.ringdown import Ringdown
 from fitting.result.result import Result
-from fitting.signal import line_record
 from fitting.text import estimate
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import Verdict

@@ -13,23 +13,22 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-import fitting.resonance.line as sweeps
-import fitting.resonance.noise_line as spectra
-import fitting.resonance.ringdown as decays
 from fitting.api.printed import HtmlText
+from fitting.lines import line as sweeps
+from fitting.lines import noise_spectrum as spectra
+from fitting.lines import ringdown as decays
 from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import DipReading
+from fitting.lines.line import WIRINGS, line_of
 from fitting.lines.names import FANO, OFFSET, form_of_terms
+from fitting.lines.noise_spectrum import noise_line_of, noise_record_of
+from fitting.lines.record import LineNumber, MeasuredLine, fields_of
+from fitting.lines.ringdown import ringdown_of
+from fitting.lines.trace import Trace, trace_of
 from fitting.report.resonance import report, text
 from fitting.resonance.decay_reading import decay_record_of, is_over_time, read_decay_of
-from fitting.resonance.line import WIRINGS, line_of
-from fitting.resonance.noise_line import noise_line_of, noise_record_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns, read_trace_of
-from fitting.resonance.record import MeasuredLine
-from fitting.resonance.ringdown import ringdown_of
-from fitting.resonance.trace import Trace, trace_of
-from fitting.signal.line_record import LineNumber, fields_of
 from fitting.text.arguments import checked, renamed
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
@@ -133,7 +132,7 @@ class Line(FittedLine, sweeps.Line):
         rms_residual: root mean square of the residuals, over ``amplitude``.
         points: what was measured and fitted.
 
-    `fitting.resonance.line.Line` has the rest.
+    `fitting.lines.line.Line` has the rest.
     """
 
 
@@ -155,7 +154,7 @@ class Ringdown(FittedLine, decays.Ringdown):
         rms_residual: root mean square of the residuals, over ``amplitude``.
         points: what was recorded and fitted.
 
-    `fitting.resonance.ringdown.Ringdown` has the rest.
+    `fitting.lines.ringdown.Ringdown` has the rest.
     """
 
 
@@ -176,7 +175,7 @@ class NoiseLine(FittedLine, spectra.NoiseLine):
         is_noise: whether the residuals are the scatter of such averages, by all tests.
         points: what was measured and fitted.
 
-    `fitting.resonance.noise_line.NoiseLine` has the rest.
+    `fitting.lines.noise_spectrum.NoiseLine` has the rest.
     """
 
 
@@ -256,21 +255,24 @@ def line(  # noqa: PLR0913 - what a line may be asked to be
     terms = form_of_terms(shape, background, noise)
     if wiring and terms:
         raise BadInput("wiring: is shape, background and noise in one; wanted these or wiring")
-    return line_in(record.within(*within_hz), wiring or terms, delay=delay)
+    return line_in(record.within(*within_hz), wiring, terms, delay=delay)
 
 
-def line_in(trace: Trace, form: str, *, delay: bool | None, count: int | None = 1) -> Line:
+def line_in(
+    trace: Trace, wiring: str, terms: str, *, delay: bool | None, count: int | None = 1
+) -> Line:
     """The line of a trace, or several that are fitted together; see `line`.
 
     Args:
         trace: What was measured.
-        form: Of the line; empty: forms are compared.
+        wiring: The form that is wanted; empty: by its terms.
+        terms: The form with the terms that are wanted; empty: forms are compared.
         delay: Whether the delay of a cable is fitted; None: compared.
         count: Number of lines; None: as many as the points show.
     """
-    if form == OFFSET and trace.is_complex:
-        form = FANO  # a complex constant
-    result = line_of(trace, form, delayed=delay, count=count)
+    if terms == OFFSET and trace.is_complex:
+        terms = FANO  # a complex constant
+    result = line_of(trace, wiring or terms, delayed=delay, count=count)
     return Line(**fields_of(result, sweeps.Line))
 
 
@@ -345,7 +347,7 @@ def noise_line(
     """One resonance of a noise spectrum: eigenfrequency, full width, quality and rms, with errors.
 
     The density is fitted by the likelihood of averages of periodograms, a line, or two, on a white
-    floor, see `fitting.resonance.noise_line` for the formula. How many were averaged follows from
+    floor, see `fitting.lines.noise_spectrum` for the formula. How many were averaged follows from
     the scatter.
 
     Args:

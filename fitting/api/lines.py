@@ -24,10 +24,10 @@ from fitting.api.line import (
 )
 from fitting.api.printed import data_frame
 from fitting.lines.names import form_of_terms
+from fitting.lines.record import LineNumber
 from fitting.report.table import Table, html_table, table, terminal_text, text_lines
 from fitting.resonance.file_control import differing_quantity
 from fitting.resonance.reading import read_trace_of
-from fitting.signal.line_record import LineNumber
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput, SeveralSweeps
 from fitting.text.results_folder import remove_earlier, results_folder
@@ -198,7 +198,7 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
         raise BadInput(f'count: found {count!r}, wanted a number of lines, or "auto"')
     if wiring and (shape or background or noise):
         raise BadInput("wiring: is shape, background and noise in one; wanted these or wiring")
-    form = wiring or form_of_terms(shape, background, noise)
+    terms = form_of_terms(shape, background, noise)
 
     parts = [part for path in paths for part in _parts(path, columns or Columns(), kind)]
     if len(parts) < 2 and count == 1:
@@ -222,7 +222,7 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
             else:
                 trace = read_trace_of(path, known).within(*within)
                 wanted = None if isinstance(count, str) else count
-                found = line_in(trace, form, delay=delay, count=wanted)
+                found = line_in(trace, wiring, terms, delay=delay, count=wanted)
                 if count != 1:
                     each = [found, *found.others]
                     numbers = sorted(range(len(each)), key=lambda k: each[k].frequency.value)

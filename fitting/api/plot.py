@@ -27,6 +27,7 @@ import re
 from typing import TYPE_CHECKING
 
 from fitting.api.fitted import Inference, Value, Valued
+from fitting.lines.record import MeasuredLine
 from fitting.report.figures import fit, inference, measurements, tones
 from fitting.report.figures.simulate import (
     amplitude_spectrum,
@@ -39,7 +40,6 @@ from fitting.report.figures.simulate import (
 from fitting.report.figures.style import Axes
 from fitting.report.shown import figures_of
 from fitting.resonance.figure import figure_of
-from fitting.resonance.record import MeasuredLine
 from fitting.result.result import Result
 from fitting.text.arguments import renamed
 from fitting.text.errors import BadInput

@@ -24,7 +24,7 @@ from fitting.campaign.measured import (
     SweepData,
     checked_experiment,
 )
-from fitting.lines.clipped_top import clipped_top
+from fitting.lines.excluded import clipped_top
 from fitting.signal.amplitudes import Amplitude, to_peak
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray, Scalar

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fitting.lines.excluded import single_points
 from fitting.lines.names import MIN_SWEEP_POINTS
-from fitting.lines.single_points import single_points
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding

@@ -137,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BadInput: a file that is not read, or without one resonance that it holds whole.
     """
-    if len(args.files) > 1 or args.lines is not None:
+    if len(args.files) > 1 or args.lines not in (None, "1"):
         return _of_many(args)
     from fitting.api.line import kind_of_file, write_line
     from fitting.text.errors import SeveralSweeps

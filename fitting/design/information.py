@@ -40,7 +40,7 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_series
 from fitting.measurements.tones import Tones
-from fitting.signal.magnitude import mean_magnitude
+from fitting.signal.rician import rician
 from fitting.simulate.batch import Workers
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
 
@@ -248,7 +248,7 @@ class Rows:
         noise = np.maximum(sigmas, SMALLEST_SIGMA * np.where(largest > 0.0, largest, 1.0))
         weights = 1.0 / noise
         if self.rectified:
-            flat = mean_magnitude(self.peaks.ravel(), noise.ravel())
+            flat = rician(self.peaks.ravel(), noise.ravel())
             weights = flat.slope.reshape(noise.shape) / noise
 
         def weighted(columns: FloatArray | ComplexArray) -> FloatArray:

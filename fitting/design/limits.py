@@ -34,9 +34,9 @@ from fitting.extension.records import (
     WrittenTraces,
 )
 from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
-from fitting.measurements.traces.grid import LEAST_SAMPLES
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
+from fitting.signal.time_grid import LEAST_SAMPLES
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput

@@ -28,7 +28,7 @@ from fitting.extension.problem import central, planning_points, search_bounds, t
 from fitting.extension.records import BoundCampaign, Prediction, TimeRecord
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Values
-from fitting.measurements.traces.grid import LEAST_SAMPLES, ROUNDED
+from fitting.signal.time_grid import LEAST_SAMPLES, ROUNDED
 from fitting.simulate.batch import Batch, answered
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput

@@ -18,8 +18,8 @@ from fitting.campaign.parameters import ParameterTable
 from fitting.draft.model import Offer
 from fitting.draft.two_modes import TwoModes
 from fitting.extension.fmu import Run
+from fitting.lines.record import LineValues
 from fitting.lines.several import TwoLines
-from fitting.signal.line_record import LineValues
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import convert, same_kind

@@ -1,7 +1,7 @@
 """Free decays as a draft sees them: the lines of a record, and an FMU that rings down like it.
 
 A record without a column that drives is a ringdown where its size falls from its first half to its
-second, and lines that decay are fitted to it (`fitting.resonance.ringdown`), one or two.
+second, and lines that decay are fitted to it (`fitting.lines.ringdown`), one or two.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from fitting.draft.questions import Answers, Question
 from fitting.extension.fmu import Run
 from fitting.extension.records import Pulse, TraceRecord
 from fitting.lines.decay_record import SAMPLES
+from fitting.lines.ringdown import Ringdown
+from fitting.lines.ringdown import ringdown_of as lines_of
 from fitting.resonance.decay_reading import decay_record_of
-from fitting.resonance.ringdown import Ringdown
-from fitting.resonance.ringdown import ringdown_of as lines_of
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 

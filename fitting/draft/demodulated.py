@@ -32,10 +32,10 @@ from fitting.draft.questions import Answers, Question
 from fitting.draft.traces import EARLIER, LATEST, SPANS
 from fitting.extension.records import Channel
 from fitting.lines.decay_record import AMPLITUDES, PHASORS, DecayRecord
+from fitting.lines.ringdown import Ringdown, ringdown_of
 from fitting.measurements.traces.time_record import FOUND
 from fitting.resonance.decay_reading import decay_roles_of, is_over_time, read_decay_of
 from fitting.resonance.reading import Columns, ValueRoles
-from fitting.resonance.ringdown import Ringdown, ringdown_of
 from fitting.text.errors import BadInput
 from fitting.text.notation import how_many
 from fitting.text.rendering import blocks

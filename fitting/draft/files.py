@@ -15,10 +15,12 @@ import numpy as np
 from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_look
 from fitting.draft.questions import Answers, Question
 from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
+from fitting.lines.excluded import spike_note, spikes_in
+from fitting.lines.line import Line, line_of
 from fitting.lines.noise_model import TOGETHER
+from fitting.lines.record import LineResult, line_numbers
 from fitting.lines.several import TwoLines, TwoResonances, as_two
 from fitting.resonance.control_map import ControlMap
-from fitting.resonance.line import Line, line_of
 from fitting.resonance.reading import (
     AMPLITUDE,
     Columns,
@@ -29,8 +31,6 @@ from fitting.resonance.reading import (
     roles_of,
     units_untold,
 )
-from fitting.resonance.spikes import spike_note, spikes_in
-from fitting.signal.line_record import LineResult, line_numbers
 from fitting.text.errors import BadInput, gathered
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import listed

@@ -44,12 +44,12 @@ from fitting.draft.model import Offer
 from fitting.draft.questions import Answers, Question
 from fitting.extension.fmu import Run
 from fitting.extension.records import Channel, TraceRecord, read_recording
+from fitting.lines.decay_begin import decay_start as first_of_decay
 from fitting.lines.names import TIME_PAGE
 from fitting.measurements.traces.record import FIT, STATES_OF_ONE, UNKNOWN
 from fitting.measurements.traces.time_record import FOUND
 from fitting.measurements.traces.waveform import HELD, LINEAR
 from fitting.resonance.reading import Columns, with_unit
-from fitting.signal.decay import decay_start as first_of_decay
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import listed

@@ -27,7 +27,7 @@ import numpy as np
 from fitting.lines.choice import chance
 from fitting.lines.form import LineFit
 from fitting.lines.several import fit_lines
-from fitting.resonance.trace import Trace
+from fitting.lines.trace import Trace
 from fitting.signal.least_squares import minimise_squares
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 
@@ -119,6 +119,8 @@ def apart_hz(
     both = np.polymul(one, two)
     both[-1] -= coupling**4
     poles = sorted((p for p in np.roots(both) if p.real > 0.0), key=abs)[:2]
+    if len(poles) < 2:  # a mode that does not oscillate is no line
+        return (math.inf,) * 4
     lines = np.array([*map(abs, poles), *(2.0 * p.imag for p in poles)])
     return tuple(np.abs(lines - [*np.sqrt(np.abs(own)), *wide]).tolist())
 

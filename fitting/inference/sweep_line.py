@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import fdtrc
 
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
@@ -18,11 +17,10 @@ from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.line_fits import LineFits
+from fitting.lines.choice import chance
 from fitting.lines.form import LineFit
-from fitting.lines.names import ADDED, OFFSET, SLOPE, UNKNOWNS
-from fitting.measurements.measurement import Values
-from fitting.measurements.sweep import Sweep
-from fitting.signal.line_record import (
+from fitting.lines.names import ADDED, OFFSET, SLOPE
+from fitting.lines.record import (
     LineNumber,
     LineResult,
     LineValues,
@@ -31,6 +29,8 @@ from fitting.signal.line_record import (
     no_line,
     number_of_line,
 )
+from fitting.measurements.measurement import Values
+from fitting.measurements.sweep import Sweep
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoScale
@@ -107,7 +107,7 @@ def line_of_sweep(
     offset, slope = fitted(OFFSET), fitted(SLOPE)
     if sweep.background == OFFSET or _is_less(offset, forms["complex"]):
         forms[OFFSET] = offset
-    gains = background_p(amplitude, offset, SLOPE, slope, of=OFFSET) < BACKGROUND_P
+    gains = background_p(offset, slope) < BACKGROUND_P
     if sweep.background == SLOPE or (gains and _is_less(slope, forms["complex"])):
         forms[SLOPE] = slope
 
@@ -148,7 +148,7 @@ def line_of_sweep(
         dof=fit.dof,
         structure=fit.structure,
         mirrored=None if fit.mirrored is None else replace(fit.mirrored, unit=sweep.unit),
-        background_p=background_p(amplitude, forms["none"], *list(forms.items())[-1]),
+        background_p=background_p(forms["none"], list(forms.values())[-1]),
     )
 
 
@@ -162,39 +162,17 @@ def _is_less(fit: LineFit | str, other: LineFit | str) -> bool:
     return not isinstance(fit, str) and (isinstance(other, str) or _left(fit) < _left(other))
 
 
-def background_p(
-    amplitude: FloatArray,
-    plain: LineFit | str,
-    name: str,
-    full: LineFit | str,
-    of: str = "none",
-) -> float:
+def background_p(plain: LineFit | str, full: LineFit | str) -> float:
     """Probability that noise alone lets a background gain this much; NaN if it is not known.
 
-    F = ((S0 - S1)/b)/(S1/(m - k))/w^2 with b and (m - k)/w^2 degrees of freedom: S0, S1 the sums of
-    squares without and with a background of b unknowns, k in all, w the factor on the latter's
-    errors, which turns points into independent points.
-
-    Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of squares).
-
     Args:
-        amplitude: of the sweep, shape (n,), any unit.
         plain: line without a background, or with a simpler one.
-        name: of the background, "complex", "offset" or "slope".
         full: line with it.
-        of: name of the simpler background.
     """
     if isinstance(plain, str) or isinstance(full, str) or plain.rms_residual < SMALLEST_RESIDUAL:
         return math.nan
-    largest = float(np.max(amplitude))  # shares of it: squares of any unit stay numbers
-    without, left = (
-        float(np.sum(((fit.curve - amplitude) / largest) ** 2)) for fit in (plain, full)
-    )
-    if not left > 0.0:
-        return 0.0
-    more = UNKNOWNS[name] - UNKNOWNS[of]
-    freedom = (amplitude.size - UNKNOWNS[name]) / full.structure.widening**2
-    return float(fdtrc(more, freedom, max(0.0, (without - left) / more * freedom / left)))
+    rows = full.curve.size
+    return chance(plain.squares, plain.unknowns, full.squares, full.unknowns, full.structure, rows)
 
 
 def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:

@@ -30,7 +30,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from fitting.lines.form import LineFit
-from fitting.signal.line_record import LineNumber
+from fitting.lines.record import LineNumber, TriedForm
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
@@ -139,11 +139,19 @@ def gain_p(before: float, after: float, more: float, dof: float) -> float:
 
 @dataclass(frozen=True)
 class Spread:
-    """A model with errors that include its rivals; their names, and the factor on f or FWHM."""
+    """A model with errors that include its rivals.
+
+    Attributes:
+        fit: the model that is taken.
+        rivals: other models that describe the values nearly as well, which the errors include.
+        factor: on the errors for them, on frequency or width.
+        forms: every model that was tried, the one that is taken first.
+    """
 
     fit: LineFit
-    rivals: tuple[str, ...]
-    factor: float
+    rivals: tuple[str, ...] = ()
+    factor: float = 1.0
+    forms: tuple[TriedForm, ...] = ()
 
 
 def with_rivals(fits: Sequence[LineFit], criteria: FloatArray, taken: int) -> Spread:
@@ -156,7 +164,7 @@ def with_rivals(fits: Sequence[LineFit], criteria: FloatArray, taken: int) -> Sp
     """
     best = fits[taken]
     if np.isnan(criteria[taken]):
-        return Spread(best, (), 1.0)
+        return Spread(best)
     # what has the taken model as a special case and is no better says nothing against it
     near = [
         fit
@@ -168,18 +176,27 @@ def with_rivals(fits: Sequence[LineFit], criteria: FloatArray, taken: int) -> Sp
         and not (best.form.terms < fit.form.terms and criteria[k] >= criteria[taken])
         and not (best.form.pull and fit.form.background)  # a slope is about what a tail is
     ]
-    half = ratio95(best.dof)
-
-    def wider(name: str, there: LineNumber) -> LineNumber:
-        others = [_nearest(fit, name, there.value) for fit in near]
-        std = max([there.std, *(e.std + abs(e.value - there.value) / half for e in others)])
-        return replace(there, std=std, ci95=(there.value - half * std, there.value + half * std))
-
-    names = ("frequency", "width", "q", "amplitude")
-    widened: dict[str, Any] = {name: wider(name, getattr(best, name)) for name in names}
+    widened: dict[str, Any] = {
+        name: wider(number, [_nearest(fit, name, number.value) for fit in near], best.dof)
+        for name in ("frequency", "width", "q", "amplitude")
+        for number in [getattr(best, name)]
+    }
     fit = replace(best, **widened)
     factor = max(fit.frequency.std / best.frequency.std, fit.width.std / best.width.std)
     return Spread(fit, tuple(dict.fromkeys(fit.name for fit in near)), factor)
+
+
+def wider(number: LineNumber, others: Sequence[LineNumber], dof: float) -> LineNumber:
+    """A number whose interval reaches as far as those of other models do.
+
+    Args:
+        number: of the model that is taken.
+        others: the same number of its rivals.
+        dof: degrees of freedom of the noise.
+    """
+    half, value = ratio95(dof), number.value
+    std = max([number.std, *(each.std + abs(each.value - value) / half for each in others)])
+    return replace(number, std=std, ci95=(value - half * std, value + half * std))
 
 
 def _nearest(fit: LineFit, name: str, value: float) -> LineNumber:

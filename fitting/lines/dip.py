@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.lines.form import LineFit
-from fitting.signal.line_record import LineNumber, Renamed, number_of_line
+from fitting.lines.record import LineNumber, Renamed, number_of_line
 from fitting.signal.student import ratio95
 from fitting.text.arrays import ComplexArray, FloatArray
 

@@ -26,6 +26,14 @@ import numpy as np
 
 from fitting.lines.names import FORM_OF, MIN_SWEEP_POINTS
 from fitting.lines.numbers import Numbers, Slopes
+from fitting.lines.record import (
+    LineNumber,
+    LineValues,
+    Matrix,
+    SecondLine,
+    line_numbers,
+    number_of_line,
+)
 from fitting.lines.rice import fit_readings
 from fitting.lines.solve import Array, Fit, fit_model, folded
 from fitting.lines.starts import Start, amplitude_starts, point_noise
@@ -37,14 +45,6 @@ from fitting.lines.sweep_model import (
     ComplexSweep,
     Place,
     Shapes,
-)
-from fitting.signal.line_record import (
-    LineNumber,
-    LineValues,
-    Matrix,
-    SecondLine,
-    line_numbers,
-    number_of_line,
 )
 from fitting.signal.peaks import mode_response
 from fitting.signal.residual_tests import Structure
@@ -60,6 +60,8 @@ BENDS = (0.3, -0.3, 1.2, -1.2)
 TURNS = (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
 #: Starts from which a fit with several minima is made.
 TRIES = 3
+#: The smallest number with all its digits.
+TINY = float(np.finfo(float).tiny)
 #: Chi square by which a second solution may be worse that is listed next to the best one.
 ALLOWED = 9.0
 
@@ -222,14 +224,10 @@ def fit_form(  # noqa: PLR0913 - what a fit may know
     """
     largest = float(np.max(np.abs(values)))
     top = largest if largest > 0.0 else 1.0
+    y = np.asarray(values / top, dtype=complex if np.iscomplexobj(values) else float)
+    fitted = _Fitted(frequency_hz, y, form, top, source, weights, sigma)
     try:
-        if np.iscomplexobj(values):
-            y: Array = np.asarray(values / top, dtype=complex)
-            return _Complex(frequency_hz, y, form, top, source, weights).fitted(starts)
-        y = np.asarray(values / top, dtype=float)
-        return _Amplitudes(frequency_hz, y, form, top, source, weights).fitted(
-            starts, None if sigma is None else sigma / top
-        )
+        return fitted.line(starts)
     except (ValueError, np.linalg.LinAlgError) as error:
         if isinstance(error, BadInput):
             raise
@@ -263,292 +261,237 @@ def fit_resonance(
 
 
 @dataclass(frozen=True, eq=False)
-class _Sweep:
-    """Values over the largest one and what is fitted to them."""
+class _Fitted:
+    """Values over the largest one, and what is fitted to them."""
 
     f: FloatArray
     y: Array
     form: Form
     top: float
     source: str
-    weights: FloatArray | None = None
+    weights: FloatArray | None
+    sigma: float | None
 
-    def line(
-        self, numbers: _Numbers, shapes: Shapes, amplitude: float, slopes: Slopes, **own: Any
-    ) -> LineFit:
-        """The line of a fit with what every form has, and what this one has of its own."""
-        fit, place = numbers.fit, shapes.places(numbers.fit.x)[0]
-        rms = self.top * float(np.sqrt(np.mean(np.abs(self.y - fit.curve) ** 2)))
-        return LineFit(
-            **numbers.line(shapes.starts[0], place),
-            form=self.form,
-            amplitude=numbers.number("amplitude", amplitude, slopes),
-            bend=numbers.bend(shapes, fit.x, place),
-            rms_residual=rms / amplitude if amplitude > 0.0 else math.inf,
-            correl=numbers.with_amplitude(slopes),
-            curve=self.top * fit.curve,
+    def line(self, starts: Sequence[Start]) -> LineFit:
+        """The form from the best of some starts, with its numbers and their errors."""
+        f, form, top, is_complex = self.f, self.form, self.top, np.iscomplexobj(self.y)
+        if is_complex:
+            starts = [start for start in starts if form.delayed or start.delay_s == 0.0]
+        elif not starts:
+            starts = amplitude_starts(f, self.y.real, form.phased)
+        model = self._model(starts[0])
+        fit, likely = self._fit(model, starts)
+        shapes, first = model.shapes, model.count
+        places = shapes.places(fit.x)
+        self._check(fit, places)
+        if isinstance(model, AmplitudeSweep) and (form.phased or form.further):
+            fit = folded(model, self.y, fit, self.weights)
+        numbers = Numbers(fit, None if self.sigma is None else self.sigma / top)
+
+        # heights, with the slopes of their moduli by both parts of complex ones, and by what
+        # further lines of amplitudes have over the first
+        if isinstance(model, ComplexSweep):
+            # none is quite zero, where a modulus has no slopes
+            heights = [complex(height) or TINY for height in fit.coefficients[: len(places)]]
+            along = [
+                [(first + 2 * k, top * h.real / abs(h)), (first + 2 * k + 1, top * h.imag / abs(h))]
+                for k, h in enumerate(heights)
+            ]
+        else:
+            height = float(fit.coefficients[0])
+            shares = [share or TINY for share in model.heights(fit.x)[: form.further]]
+            heights, along = [height, *(height * r for r in shares)], [[(first, top)]]
+            for at, r in zip(range(shapes.count, first, 2), shares, strict=False):
+                parts = [(at, r.real / abs(r)), (at + 1, r.imag / abs(r))]
+                along.append([(first, top * abs(r)), *((k, top * height * s) for k, s in parts)])
+        amplitudes = [
+            numbers.number("amplitude", top * abs(h), by)
+            for h, by in zip(heights, along, strict=True)
+        ]
+        lines = [
+            self._place(numbers, start, place, k)
+            for k, (start, place) in enumerate(zip(shapes.starts, places, strict=True))
+        ]
+        others = []
+        for line, h, amplitude in list(zip(lines, heights, amplitudes, strict=True))[1:]:
+            share, phase = cmath.polar(h / heights[0])
+            others.append(SecondLine(**line, share=share, amplitude=amplitude, phase_rad=phase))
+
+        size = top * abs(heights[0])
+        rms = top * float(np.sqrt(np.mean(np.abs(self.y - fit.curve) ** 2)))
+        bend = None
+        if form.bent:
+            k, half = 2 * len(places), 0.5 * places[0].width_hz
+            shift = half * float(fit.x[k])
+            bend = numbers.number("bend", shift, [(k, half), (1, shift)], "Hz")
+        made = LineFit(
+            **lines[0],
+            form=form,
+            amplitude=amplitudes[0],
+            bend=bend,
+            others=tuple(others),
+            rms_residual=rms / size if size > 0.0 else math.inf,
+            correl=_correl(numbers, along[0]),
+            curve=top * fit.curve,
             message=fit.message,
             structure=numbers.structure,
             dof=numbers.dof,
             unknowns=fit.unknowns,
             squares=fit.squares,
-            **{"likely_squares": fit.squares, **own},
+            likely_squares=likely,
+        )
+        if isinstance(model, ComplexSweep):
+            return self._with_dip(made, numbers, model)
+        made = replace(made, **self._background(fit, model, places[0]))
+        if (form.phased or form.further) and not made.amplitude.std < made.amplitude.value:
+            raise BadInput(
+                f"{self.source}: {form.name}: the points do not determine how high its line is"
+            )
+        if form.detector != PLAIN and made.background.real < 0.0:
+            raise BadInput(f"{self.source}: the noise next to its line would have a negative power")
+        if form.phased:
+            return self._mirrored(made, fit, model, numbers)
+        return self._with_second(made, fit, model, numbers) if form.further == 1 else made
+
+    def _model(self, start: Start) -> ComplexSweep | AmplitudeSweep:
+        form, f = self.form, self.f
+        shapes = Shapes(
+            frequency_hz=f, starts=self._places(start), bent=form.bent, rising=form.rising
+        )
+        if np.iscomplexobj(self.y):
+            tails = [mode_response(f, t.frequency_hz, t.width_hz) for t in form.tails]
+            delay = start.delay_s if form.delayed else None
+            return ComplexSweep(
+                shapes=shapes, background=form.background, delay_s=delay, tails=tails
+            )
+        return AmplitudeSweep(
+            shapes=shapes, phased=form.phased, detector=form.detector, added=form.background
         )
 
-    def shapes(self, places: Sequence[Place]) -> Shapes:
-        return Shapes(
-            frequency_hz=self.f, starts=places, bent=self.form.bent, rising=self.form.rising
-        )
-
-    def places(self, start: Start) -> list[Place]:
+    def _places(self, start: Start) -> list[Place]:
         others = [place for place, _ in start.others[: self.form.further]]
         return [Place(start.frequency_hz, start.width_hz), *others]
 
-    @property
-    def tries(self) -> int:
-        return TRIES if self.form.bent or self.form.phased or self.form.further else 1
-
-    def check_count(self, unknowns: int) -> None:
-        least = max(MIN_SWEEP_POINTS, unknowns + 1)
+    def _fit(
+        self, model: ComplexSweep | AmplitudeSweep, starts: Sequence[Start]
+    ) -> tuple[Fit, float]:
+        """The best fit from some starts, and the squares with which normal noise is as likely."""
+        form, least = self.form, MIN_SWEEP_POINTS
+        if isinstance(model, AmplitudeSweep):
+            least = max(least, model.count + 2 + form.background)
         if self.f.size < least:
             raise BadInput(
                 f"{self.source}: {how_many(self.f.size, 'point is', 'points are')} too few for a "
                 f"resonance fit; wanted at least {least}"
             )
+        begun = [x for start in starts for x in self._begun(model, start, starts[0])]
+        if form.single and isinstance(model, AmplitudeSweep):
+            return fit_readings(model, self.y.real, begun)
+        tries = TRIES if form.bent or form.phased else TRIES + 1 if form.further else 1
+        pull = self._pull(model.count)
+        fit = fit_model(model, self.y, begun, weights=self.weights, pull=pull, tries=tries)
+        return fit, fit.squares
 
-    def check(self, place: Place, fit: Fit) -> None:
-        inside = self.f[0] <= place.frequency_hz <= self.f[-1]
-        if not (fit.converged and inside and place.width_hz < WIDEST * float(np.ptp(self.f))):
+    def _pull(self, count: int) -> FloatArray | None:
+        """Weights of the rows that keep a line beyond the points near to where it was observed."""
+        if not self.form.pull:
+            return None
+        weights = np.zeros(count)
+        weights[2:4] = max(point_noise(self.y.real), 1e-6) / self.form.pull
+        return weights
+
+    def _begun(
+        self, model: ComplexSweep | AmplitudeSweep, start: Start, first: Start
+    ) -> list[FloatArray]:
+        """Where x begins: at every bend, and every phase of the last line, that is tried."""
+        made, shapes, own = [], model.shapes, 2 * len(model.shapes.starts)
+        bends: Sequence[float] = (0.0,)
+        if shapes.bent:
+            bends = BENDS if math.isnan(start.bend) else (start.bend,)
+        for bend in bends:
+            x = np.zeros(model.count)
+            x[:own] = shapes.at(self._places(start))
+            if shapes.bent:
+                x[own] = bend
+                if math.isnan(start.bend):  # the top is where the start is
+                    x[0] -= 0.5 * bend * start.width_hz / shapes.starts[0].width_hz
+            made.append(x)
+        if isinstance(model, ComplexSweep):
+            for x in made if self.form.delayed else ():
+                x[-1] = (start.delay_s - first.delay_s) * float(np.ptp(self.f))
+            return made
+        for x in made:
+            if model.detector != PLAIN:
+                low = float(np.min(self.y.real)) ** 2
+                x[-1] = low / max(1.0 - low, 0.01)
+            if model.phased:
+                x[-2:] = start.background.real, start.background.imag
+        if not self.form.further:
+            return made
+        turned = []
+        heights = [height for _, height in start.others]
+        for turn in TURNS:  # of the last line, which is the new one
+            turns = np.array([*heights[:-1], heights[-1] * cmath.rect(1.0, turn)])
+            for x in made:
+                other = x.copy()
+                parts = np.stack([turns.real, turns.imag], axis=1).ravel()
+                other[shapes.count : shapes.count + parts.size] = parts
+                turned.append(other)
+        return turned
+
+    def _check(self, fit: Fit, places: Sequence[Place]) -> None:
+        """Complain of a fit that is no line of these points."""
+        f, place, source = self.f, places[0], self.source
+        inside = f[0] <= place.frequency_hz <= f[-1]
+        if not (fit.converged and inside and place.width_hz < WIDEST * float(np.ptp(f))):
             raise BadInput(
-                f"{self.source}: no resonance between {self.f[0]:.10g} and {self.f[-1]:.10g} Hz "
+                f"{source}: no resonance between {f[0]:.10g} and {f[-1]:.10g} Hz "
                 f"(the fit ended at {place.frequency_hz:.10g} Hz, width {place.width_hz:.4g} Hz: "
                 f"{fit.message})"
             )
         if not np.all(np.isfinite(fit.inverse[:2, :2])):
             raise BadInput(
-                f"{self.source}: the sweep does not determine its line near "
+                f"{source}: the sweep does not determine its line near "
                 f"{place.frequency_hz:.10g} Hz, width {place.width_hz:.4g} Hz (a grid too coarse "
                 "for it, or at the rounding of the frequencies)"
             )
+        if self.form.pull and f[0] <= places[1].frequency_hz <= f[-1]:
+            raise BadInput(
+                f"{source}: another line, at {hertz(places[1].frequency_hz)}, is among the points"
+            )
+        if not np.iscomplexobj(self.y) and fit.coefficients[0] < 0.0:
+            raise BadInput(f"{source}: {self.form.name}: its line would have a negative height")
 
-
-class _Numbers(Numbers):
-    """Numbers of lines of a sweep."""
-
-    def line(self, start: Place, place: Place, number: int = 0) -> dict[str, Any]:
+    @staticmethod
+    def _place(numbers: Numbers, start: Place, place: Place, number: int) -> dict[str, Any]:
         """Frequency, width and quality of a line."""
         scale, width, eta = start.width_hz, place.width_hz, place.frequency_hz
-        unit = np.eye(2, self.fit.unknowns, 2 * number)
+        unit = np.eye(2, numbers.fit.unknowns, 2 * number)
         q = eta / width
         return line_numbers(
-            (eta, self.std(scale * unit[0])),
-            (width, self.std(width * unit[1])),
-            (q, self.std(q * (scale / eta * unit[0] - unit[1]))),
-            self.dof,
+            (eta, numbers.std(scale * unit[0])),
+            (width, numbers.std(width * unit[1])),
+            (q, numbers.std(q * (scale / eta * unit[0] - unit[1]))),
+            numbers.dof,
         )
 
-    def others(
-        self, shapes: Shapes, heights: Sequence[complex], size: float, slopes: Sequence[Slopes]
-    ) -> tuple[SecondLine, ...]:
-        """The further lines.
-
-        Args:
-            shapes: all lines.
-            heights: complex ones over that of the first line.
-            size: amplitude of the first line.
-            slopes: of the amplitude of each further one.
-        """
-        places = shapes.places(self.fit.x)
-        made = []
-        for k, (height, by) in enumerate(zip(heights, slopes, strict=True), start=1):
-            share, phase = cmath.polar(height)
-            numbers = self.line(shapes.starts[k], places[k], k)
-            amplitude = self.number("amplitude", size * share, by)
-            made.append(SecondLine(**numbers, share=share, amplitude=amplitude, phase_rad=phase))
-        return tuple(made)
-
-    def with_amplitude(self, slopes: Slopes) -> Matrix:
-        """Correlations of frequency and width with each other and an amplitude of such slopes."""
-        place = np.eye(2, self.fit.unknowns)  # their units do not matter
-        return self.correl([*place, self.gradient(slopes)])
-
-    def bend(self, shapes: Shapes, x: FloatArray, place: Place) -> LineNumber | None:
-        """Shift of the top of a Duffing line, Hz: half a width times the bend."""
-        if not shapes.bent:
-            return None
-        k, half = 2 * len(shapes.starts), 0.5 * place.width_hz
-        shift = half * float(x[k])
-        return self.number("bend", shift, [(k, half), (1, shift)], "Hz")
-
-
-class _Complex(_Sweep):
-    """A form of complex values."""
-
-    def fitted(self, starts: Sequence[Start]) -> LineFit:
-        self.check_count(0)
-        usable = [each for each in starts if self.form.delayed or each.delay_s == 0.0]
-        fit, model = self._best(usable)
-        shapes = model.shapes
-        places = shapes.places(fit.x)
-        self.check(places[0], fit)
-        numbers = _Numbers(fit)
-        gain = complex(fit.coefficients[0])
-        size, first = abs(gain), model.count
+    def _with_dip(self, line: LineFit, numbers: Numbers, model: ComplexSweep) -> LineFit:
+        """The line with its delay, and with height and background without those of other lines."""
+        fit, first, further = numbers.fit, model.count, len(line.others)
         delay = None
         if self.form.delayed:
-            span = float(np.ptp(self.f))
-            delay = numbers.number("delay", model.delay(fit.x), [(first - 1, 1.0 / span)], "s")
-        heights = fit.coefficients[: len(places)]
-        along = [
-            [(first + 2 * k + part, self.top * value / abs(h)) for part, value in enumerate(parts)]
-            for k, h in enumerate(heights)
-            for parts in [(float(h.real), float(h.imag))]
-        ]
-        # coefficients of the line and its background, without those of other lines
-        further = len(places) - 1
+            slope = [(first - 1, 1.0 / float(np.ptp(self.f)))]
+            delay = numbers.number("delay", model.delay(fit.x), slope, "s")
         chosen = [0, *range(1 + further, 1 + further + self.form.background)]
         at = [0, 1, *(first + 2 * k + part for k in chosen for part in (0, 1))]
         scales = np.ones(len(at))
-        scales[:2] = shapes.starts[0].width_hz, places[0].width_hz
-        return self.line(
-            numbers,
-            shapes,
-            self.top * size,
-            along[0],
+        scales[:2] = model.shapes.starts[0].width_hz, line.width.value
+        return replace(
+            line,
             delay=delay,
-            others=numbers.others(shapes, list(heights[1:] / gain), self.top * size, along[1:]),
             coefficients=np.asarray(fit.coefficients[chosen], dtype=complex),
             covariance=np.outer(scales, scales) * numbers.covariance[np.ix_(at, at)],
         )
-
-    def _best(self, starts: Sequence[Start]) -> tuple[Fit, ComplexSweep]:
-        first = starts[0]
-        shapes = self.shapes(self.places(first))
-        model = ComplexSweep(
-            shapes=shapes,
-            background=self.form.background,
-            delay_s=first.delay_s if self.form.delayed else None,
-            tails=[mode_response(self.f, t.frequency_hz, t.width_hz) for t in self.form.tails],
-        )
-        begun = []
-        for start in starts:
-            for x in _bends(shapes, model.count, start):
-                x[: 2 * len(shapes.starts)] += shapes.at(self.places(start))
-                if self.form.delayed:
-                    x[-1] = (start.delay_s - first.delay_s) * float(np.ptp(self.f))
-                begun.append(x)
-        fit = fit_model(model, self.y, begun, weights=self.weights, tries=self.tries)
-        return fit, model
-
-
-class _Amplitudes(_Sweep):
-    """A form of amplitudes."""
-
-    y: FloatArray
-
-    def fitted(self, starts: Sequence[Start], sigma: float | None) -> LineFit:
-        fit, model, likely = self._best(
-            starts or amplitude_starts(self.f, self.y, self.form.phased)
-        )
-        shapes = model.shapes
-        places = shapes.places(fit.x)
-        self.check(places[0], fit)
-        if self.form.pull and self.f[0] <= places[1].frequency_hz <= self.f[-1]:
-            raise BadInput(
-                f"{self.source}: another line, at {hertz(places[1].frequency_hz)}, is among the "
-                "points"
-            )
-        height = float(fit.coefficients[0])
-        if height < 0.0:
-            raise BadInput(
-                f"{self.source}: {self.form.name}: its line would have a negative height"
-            )
-        if self.form.phased or len(places) > 1:
-            fit = folded(model, self.y, fit, self.weights)
-        numbers = _Numbers(fit, sigma)
-        first = model.count
-        own = self._background(fit, model, places[0])
-        made = self._checked(
-            self.line(
-                numbers,
-                shapes,
-                self.top * height,
-                [(first, self.top)],
-                likely_squares=likely or fit.squares,
-                **own,
-            )
-        )
-        if self.form.phased:
-            return self._mirrored(made, fit, model, numbers)
-        if self.form.further:
-            shares = model.heights(fit.x)[: self.form.further]
-            along = [
-                [
-                    (first, self.top * abs(share)),
-                    (at, self.top * height * share.real / abs(share)),
-                    (at + 1, self.top * height * share.imag / abs(share)),
-                ]
-                for k, share in enumerate(shares)
-                for at in [shapes.count + 2 * k]
-            ]
-            made = replace(made, others=numbers.others(shapes, shares, self.top * height, along))
-        return self._with_second(made, fit, model, numbers) if self.form.further == 1 else made
-
-    def _best(self, starts: Sequence[Start]) -> tuple[Fit, AmplitudeSweep, float | None]:
-        shapes = self.shapes(self.places(starts[0]))
-        model = AmplitudeSweep(
-            shapes=shapes,
-            phased=self.form.phased,
-            detector=self.form.detector,
-            added=self.form.background,
-        )
-        self.check_count(model.count + 1 + self.form.background)
-        begun = [x for start in starts for x in self._begun(model, start)]
-        if self.form.single:
-            fit, likely = fit_readings(model, self.y, begun)
-            return fit, model, likely
-        fit = fit_model(
-            model,
-            self.y,
-            begun,
-            weights=self.weights,
-            pull=self._pull(model),
-            tries=self.tries,
-        )
-        return fit, model, None
-
-    def _begun(self, model: AmplitudeSweep, start: Start) -> list[FloatArray]:
-        """Where x begins: at every bend, and every phase of a second line, that is tried."""
-        made = []
-        for x in _bends(model.shapes, model.count, start):
-            x[: 2 * len(model.shapes.starts)] += model.shapes.at(self.places(start))
-            if model.detector != PLAIN:
-                low = float(np.min(self.y)) ** 2
-                x[-1] = low / max(1.0 - low, 0.01)
-            if model.phased:
-                x[-2:] = start.background.real, start.background.imag
-            made.append(x)
-        if not self.form.further:
-            return made
-        turned = []
-        first, heights = model.shapes.count, [height for _, height in start.others]
-        for turn in TURNS:  # of the last line, which is the new one
-            turns = [*heights[:-1], heights[-1] * cmath.rect(1.0, turn)]
-            for x in made:
-                other = x.copy()
-                other[first : first + 2 * len(turns)] = [
-                    part for height in turns for part in (height.real, height.imag)
-                ]
-                turned.append(other)
-        return turned
-
-    def _pull(self, model: AmplitudeSweep) -> FloatArray | None:
-        """Weights of the rows that keep a line beyond the points near to where it was observed."""
-        if not self.form.pull:
-            return None
-        weights = np.zeros(model.count)
-        weights[2:4] = max(point_noise(self.y), 1e-6) / self.form.pull
-        return weights
 
     def _background(self, fit: Fit, model: AmplitudeSweep, place: Place) -> dict[str, Any]:
         """Constant and slope in the unit of the amplitudes."""
@@ -565,18 +508,8 @@ class _Amplitudes(_Sweep):
         constant = self.top * float(added[0]) + slope * (place.frequency_hz - middle)
         return {"background": constant, "slope": slope}
 
-    def _checked(self, line: LineFit) -> LineFit:
-        form = self.form
-        if (form.phased or form.further) and not line.amplitude.std < line.amplitude.value:
-            raise BadInput(
-                f"{self.source}: {form.name}: the points do not determine how high its line is"
-            )
-        if form.detector != PLAIN and line.background.real < 0.0:
-            raise BadInput(f"{self.source}: the noise next to its line would have a negative power")
-        return line
-
     def _mirrored(
-        self, line: LineFit, fit: Fit, model: AmplitudeSweep, numbers: _Numbers
+        self, line: LineFit, fit: Fit, model: AmplitudeSweep, numbers: Numbers
     ) -> LineFit:
         """Both amplitudes that have the curve of a line on a complex constant, the lower first.
 
@@ -607,19 +540,21 @@ class _Amplitudes(_Sweep):
         return replace(
             own,
             amplitude=mirrored,
-            correl=numbers.with_amplitude(slopes),
+            correl=_correl(numbers, slopes),
             background=self.top * height * size * there,
             rms_residual=line.rms_residual / size,
             mirrored=line.amplitude,
         )
 
     def _with_second(
-        self, line: LineFit, fit: Fit, model: AmplitudeSweep, numbers: _Numbers
+        self, line: LineFit, fit: Fit, model: AmplitudeSweep, numbers: Numbers
     ) -> LineFit:
         """The line with the other pair of heights that has about the curve of both lines."""
         height = float(fit.coefficients[0])
         start = _flipped(self.f, fit, model)
-        other = fit_model(model, self.y, [start], weights=self.weights, pull=self._pull(model))
+        other = fit_model(
+            model, self.y, [start], weights=self.weights, pull=self._pull(model.count)
+        )
         chance = other.converged and other.squares - fit.squares < ALLOWED * numbers.variance
         if not chance or other.coefficients[0] <= 0.0:
             return line
@@ -628,6 +563,12 @@ class _Amplitudes(_Sweep):
         again = number_of_line("amplitude", self.top * size, std, "", half=ratio95(numbers.dof))
         second = replace(line.others[0], mirrored=abs(model.heights(other.x)[0]))
         return replace(line, mirrored=again, others=(second,))
+
+
+def _correl(numbers: Numbers, slopes: Slopes) -> Matrix:
+    """Correlations of frequency and width with each other and an amplitude of such slopes."""
+    place = np.eye(2, numbers.fit.unknowns)  # their units do not matter
+    return numbers.correl([*place, numbers.gradient(slopes)])
 
 
 def _flipped(f: FloatArray, fit: Fit, model: AmplitudeSweep) -> FloatArray:
@@ -654,17 +595,3 @@ def _flipped(f: FloatArray, fit: Fit, model: AmplitudeSweep) -> FloatArray:
     ratio = other / height if height else share
     x[at : at + 2] = ratio.real, ratio.imag
     return x
-
-
-def _bends(shapes: Shapes, count: int, start: Start) -> list[FloatArray]:
-    """Zeros, or every bend from which a Duffing line is fitted, its top where the start is."""
-    if not shapes.bent:
-        return [np.zeros(count)]
-    made = []
-    for bend in BENDS if math.isnan(start.bend) else (start.bend,):
-        x = np.zeros(count)
-        x[2 * len(shapes.starts)] = bend
-        if math.isnan(start.bend):
-            x[0] = -0.5 * bend * start.width_hz / shapes.starts[0].width_hz
-        made.append(x)
-    return made

@@ -47,17 +47,6 @@ class Null:
 
 
 @dataclass(frozen=True, eq=False)
-class _Straight:
-    """1 and x of amplitudes."""
-
-    f: FloatArray
-
-    def columns(self, x: FloatArray) -> Columns:
-        values = np.stack([np.ones_like(self.f), along(self.f)], axis=1)
-        return Columns(values, np.zeros((0, *values.shape)))
-
-
-@dataclass(frozen=True, eq=False)
 class _Pole:
     """A filter of first order; x: logarithm of the corner over the start, then the delay."""
 
@@ -148,8 +137,10 @@ def _complex(
 def _amplitudes(
     f: FloatArray, y: FloatArray, elsewhere: Sequence[Place], weights: FloatArray | None
 ) -> Iterator[Null]:
-    straight = fit_model(_Straight(f), y, [np.zeros(0)], weights=weights)
-    yield Null(NullKind.STRAIGHT, straight.squares, straight.unknowns)
+    w = np.ones_like(f) if weights is None else weights
+    design = np.stack([w, w * along(f)], axis=1)
+    left = w * y - design @ np.linalg.lstsq(design, w * y, rcond=None)[0]
+    yield Null(NullKind.STRAIGHT, float(left @ left), 2)
     corner = math.sqrt(float(f[0]) * float(f[-1]))
     for high in (False, True):
         with contextlib.suppress(ValueError, np.linalg.LinAlgError):

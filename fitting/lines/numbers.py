@@ -8,8 +8,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from fitting.lines.record import LineNumber, Matrix, number_of_line
 from fitting.lines.solve import Fit
-from fitting.signal.line_record import LineNumber, Matrix, number_of_line
 from fitting.signal.residual_tests import Structure
 from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import FloatArray

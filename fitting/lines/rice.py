@@ -22,7 +22,7 @@ from scipy.special import i0e, i1e
 
 from fitting.lines.solve import Columns, Fit, Model, fit_model
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
-from fitting.signal.rician import rician_deviation, rician_mean, rician_slope
+from fitting.signal.rician import rician, rician_deviation
 from fitting.text.arrays import FloatArray
 
 #: Steps of Newton's method, halvings of one, and relative gain of the likelihood that is none.
@@ -63,8 +63,9 @@ def fit_readings(
     nu, slopes = _line(model, unknowns)
     sigma = math.exp(float(unknowns[-1]))
     scatter = rician_deviation(nu / sigma)
-    residuals = (values - rician_mean(nu, sigma)) / scatter
-    jacobian = -(rician_slope(nu, sigma) / scatter)[:, None] * slopes
+    mean_reading, slope, _ = rician(nu, sigma)
+    residuals = (values - mean_reading) / scatter
+    jacobian = -(slope / scatter)[:, None] * slopes
     if not np.linalg.eigvalsh(_scaled(information)[0])[0] > 1e-13:
         raise ValueError("single readings do not determine this line")
     spread = np.linalg.inv(information)[:-1, :-1] * values.size / fit.dof
@@ -73,14 +74,14 @@ def fit_readings(
         fit,
         x=unknowns[: fit.x.size],
         coefficients=np.array([unknowns[fit.x.size], sigma * math.sqrt(values.size / fit.dof)]),
-        curve=rician_mean(nu, sigma),
+        curve=mean_reading,
         residuals=residuals,
         jacobian=jacobian,
         converged=converged,
         message="the likelihood is at its maximum" if converged else "the likelihood still rises",
     )
     variance = readings.squares / readings.dof
-    return replace(readings, folds=spread / variance), values.size * math.exp(mean)
+    return replace(readings, folds=spread / variance), values.size * math.exp(min(mean, 700.0))
 
 
 @dataclass(frozen=True, eq=False)

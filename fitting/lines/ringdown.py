@@ -1,5 +1,11 @@
 """The line of a free decay: where it begins, every form that may describe it, the one that does.
 
+A mode that is left alone falls as e^(-pi w t), w its full width at half of the power:
+
+    decay time of the amplitude  tau = 1/(pi w),    Q = f0/w,    f0^2 = f^2 + (w/2)^2
+
+f is the frequency at which it rings, f0 its eigenfrequency without damping, that of sweeps.
+
 `alone` is one line, `constant` has a constant next to it, `second` a further line, too. Where
 residuals are no noise the frequency follows the square of the amplitude in `moving`, the damping in
 `damping`, both in `nonlinear`. Of amplitudes `noise` has the noise of X and Y, from which they do
@@ -20,21 +26,26 @@ from typing import Any
 
 import numpy as np
 
-from fitting.lines.choice import EQUAL, criteria_of, gain_p, order_of
+from fitting.lines.choice import EQUAL, criteria_of, gain_p, order_of, wider
 from fitting.lines.decay_begin import begin_of
 from fitting.lines.decay_model import Decays, fit_decays, fit_law
 from fitting.lines.decay_record import AMPLITUDES, PHASORS, SAMPLES, DecayRecord
 from fitting.lines.names import TIME_WAY
 from fitting.lines.numbers import Numbers
-from fitting.lines.rice import fit_readings
-from fitting.lines.solve import Array, Fit
-from fitting.signal.line_record import (
+from fitting.lines.record import (
     LineNumber,
+    LineValues,
     Matrix,
+    MeasuredLine,
+    Points,
     SecondLine,
+    TriedForm,
+    fields_of,
     line_numbers,
     number_of_line,
 )
+from fitting.lines.rice import fit_readings
+from fitting.lines.solve import Array, Fit
 from fitting.signal.residual_tests import (
     SMALLEST_RESIDUAL,
     STRUCTURED,
@@ -42,6 +53,7 @@ from fitting.signal.residual_tests import (
     residual_structure,
 )
 from fitting.signal.student import ratio95
+from fitting.signal.time_grid import refuse_clipped
 from fitting.text.errors import BadInput
 from fitting.text.notation import number, quantity
 
@@ -151,39 +163,151 @@ class DecayFit:
         return math.sqrt(self.fit.squares / self.curve.size) / height if height else math.inf
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RingdownFit:
-    """The decay of a record: every form, the one that is taken first, and the first sample."""
+@dataclass(frozen=True, kw_only=True)
+class Ringdown(MeasuredLine):
+    """One resonance of a ringdown.
 
-    record: DecayRecord
-    forms: tuple[DecayFit, ...]
-    criteria: tuple[float, ...]
-    first: int
+    The frequency is NaN where the record does not determine it: of amplitudes alone, and of phasors
+    without a demodulation frequency. The quality factor of amplitudes is that of the demodulation
+    frequency. ``rms_residual`` is over the amplitude at the first sample.
+
+    Attributes:
+        kind: "samples" of the motion, "phasors" of a demodulator, or "amplitudes".
+        offset: of phasors, from the demodulation frequency, Hz; else None.
+        decay_time: in which the amplitude falls to 1/e, s.
+        amplitude: of the line at its first sample, in ``unit``.
+        shift: how far the frequency is moved at the first sample, by the square of the amplitude,
+            Hz; zero where that is not fitted.
+        extra: by how much the FWHM at the first sample exceeds that of small amplitudes, Hz; zero
+            where that is not fitted.
+        reference_hz: of the demodulator, Hz; NaN: not stated.
+        form: the form that was taken, see ``forms``.
+        rival: another form of amplitudes that describes the samples nearly as well, for which the
+            errors hold, too; mostly empty.
+        background: the constant, its modulus if phases were recorded, in ``unit``; of amplitudes
+            without one the noise of X, and of Y; ``background_std`` its error, zero of a noise.
+        begin_s: time of the first sample that is used, s.
+        left_out: samples before it: of a drive or a blow.
+        spacing_s: between two samples, s.
+    """
+
+    kind: str
+    offset: LineNumber | None
+    decay_time: LineNumber
+    amplitude: LineNumber
+    shift: LineNumber
+    extra: LineNumber
+    reference_hz: float
+    form: str
+    rival: str
+    background: float
+    background_std: float
+    begin_s: float
+    left_out: int
+    spacing_s: float
+
+    @property
+    def var_names(self) -> tuple[str, ...]:
+        """Names of the numbers that were fitted and are printed."""
+        place = {PHASORS: ("offset",), SAMPLES: ("frequency",)}.get(self.kind, ())
+        law = [name for name in ("shift", "extra") if getattr(self, name).value != 0.0]
+        return (*place, "width", "amplitude", *law)
+
+    @property
+    def eigenfrequency(self) -> LineNumber:
+        """The frequency without damping, which a sweep has, Hz."""
+        f, w = self.frequency, self.width
+        value = math.hypot(f.value, 0.5 * w.value)
+        std = math.hypot(f.value * f.std, 0.25 * w.value * w.std) / value
+        return number_of_line("eigenfrequency", value, std, half=self.ratio95)
+
+    @property
+    def alike(self) -> tuple[LineNumber, ...]:
+        """The next higher frequencies that have the same samples, of samples of the motion, Hz."""
+        if self.kind != SAMPLES:
+            return ()
+        f, rate = self.frequency, 1.0 / self.spacing_s
+        half = self.ratio95 * f.std
+        return tuple(
+            replace(f, value=value, ci95=(value - half, value + half))
+            for value in (rate - f.value, rate + f.value)
+        )
 
 
-def fit_ringdown(record: DecayRecord) -> RingdownFit:
-    """The line of a free decay.
+def ringdown_of(record: DecayRecord) -> Ringdown:
+    """The resonance of a free decay.
 
     Args:
         record: what was recorded.
 
     Raises:
-        BadInput: no free decay, or one of which too little is recorded.
+        BadInput: no free decay, one that is cut off above, or one of which too little is recorded.
     """
+    if not np.any(record.values):
+        raise BadInput(f"{record.source}: holds nothing but zeros, wanted a ringdown")
     known = bool(record.kind)
-    record = replace(record, kind=record.kind or _apparent_kind(record))
-    first = begin_of(record.values, record.kind)
-    used, forms = _begun(record, first, known=known)
-    first = record.values.size - used.values.size
-    best = forms[0]
-    if _presence_p(used, best) > SEEN_P:
-        raise _no_decay(record)
-    if not best.lines[0].decays:
-        raise _too_short(used, best.lines[0].width)
-    criteria = criteria_of(forms, best.rows)
-    return RingdownFit(
-        record=used, forms=tuple(forms), criteria=tuple(float(c) for c in criteria), first=first
+    try:
+        record = replace(record, kind=record.kind or _apparent_kind(record))
+        first = begin_of(record.values, record.kind)
+        used, forms = _begun(record, first, known=known)
+        best = forms[0]
+        if _presence_p(used, best) > SEEN_P:
+            raise _no_decay(record)
+        if not best.lines[0].decays:
+            raise _too_short(used, best.lines[0].width)
+    except BadInput:
+        _refuse_clipped(record)  # names what is wrong with the samples, where that is it
+        raise
+    _refuse_clipped(used)
+    line, second = best.lines[0], best.lines[1] if len(best.lines) > 1 else None
+    assert line.decay_time is not None  # noqa: S101 - every line of a decay has one
+    # of complex values both parts are rows: their samples are worth half of them
+    points = best.structure.points / (2.0 if record.is_complex else 1.0)
+    tried = [
+        TriedForm(
+            **fields_of(form.lines[0], LineValues),
+            name=form.name,
+            rms_residual=form.rms_residual,
+            criterion=float(criterion),
+            structure=form.structure,
+            offset=form.lines[0].offset,
+        )
+        for form, criterion in zip(forms, criteria_of(forms, best.rows), strict=True)
+    ]
+    return Ringdown(
+        **fields_of(line, LineValues),
+        source=used.source,
+        unit=used.unit,
+        kind=used.kind,
+        offset=line.offset,
+        decay_time=line.decay_time,
+        amplitude=best.amplitude,
+        shift=best.shift,
+        extra=best.extra,
+        reference_hz=used.reference_hz,
+        form=best.name,
+        forms=tuple(tried),
+        rival=best.rival,
+        second=second,
+        background=abs(best.background) if used.kind == PHASORS else best.background.real,
+        background_std=best.background_std,
+        begin_s=float(used.time_s[0]),
+        left_out=record.values.size - used.values.size,
+        spacing_s=used.spacing_s,
+        rms_residual=best.rms_residual,
+        dof=best.dof,
+        structure=replace(best.structure, points=points),
+        chisqr=best.squares * used.top**2,
+        unknowns=best.unknowns,
+        correl=best.correl,
+        reading=used.reading,
+        points=Points.of(used.values, best.curve, time_s=used.time_s),
     )
+
+
+def _refuse_clipped(record: DecayRecord) -> None:
+    for part in (record.values.real, record.values.imag)[: 1 + record.is_complex]:
+        refuse_clipped(np.asarray(part), record.source)
 
 
 def _begun(record: DecayRecord, first: int, *, known: bool) -> tuple[DecayRecord, list[DecayFit]]:
@@ -416,9 +540,9 @@ def _line(record: DecayRecord, model: Decays, numbers: Numbers, k: int) -> Secon
         (width, width_std),
         (q, abs(q) * math.hypot(width_std / width, share)),
         numbers.dof,
+        q_by_width=True,
     )
     slow, fast = (max(end, 1e-300) for end in made["width"].ci95)
-    made["q"] = replace(made["q"], ci95=(q * width / fast, q * width / slow))
     time = 1.0 / (math.pi * width)
     ci95 = 1.0 / (math.pi * fast), 1.0 / (math.pi * slow)
     return SecondLine(
@@ -433,28 +557,19 @@ def _line(record: DecayRecord, model: Decays, numbers: Numbers, k: int) -> Secon
 
 
 def _covering(form: DecayFit, rival: DecayFit) -> DecayFit:
-    """A form with errors that hold for another one, too, which the samples do not tell from it.
-
-    Source: `fitting.lines.choice`, of sweeps.
-    """
-    half = ratio95(form.dof)
-
-    def wider(here: LineNumber, there: LineNumber) -> LineNumber:
-        std = max(here.std, there.std + abs(there.value - here.value) / half)
-        return replace(here, std=std, ci95=(here.value - half * std, here.value + half * std))
-
+    """A form with errors that hold for another one, too, which the samples do not tell from it."""
     line, other = form.lines[0], rival.lines[0]
-    width = wider(line.width, other.width)
+    width = wider(line.width, [other.width], form.dof)
     factor = width.std / line.width.std
     # what follows from the width alone
     q = replace(line.q, std=line.q.std * factor)
-    slow, fast = (max(end, 1e-300) for end in width.ci95)
     decay_time = line.decay_time
     if decay_time is not None:
+        slow, fast = (max(end, 1e-300) for end in width.ci95)
         ci95 = 1.0 / (math.pi * fast), 1.0 / (math.pi * slow)
         decay_time = replace(decay_time, std=decay_time.std * factor, ci95=ci95)
     lines = (replace(line, width=width, q=q, decay_time=decay_time), *form.lines[1:])
-    amplitude = wider(form.amplitude, rival.amplitude)
+    amplitude = wider(form.amplitude, [rival.amplitude], form.dof)
     return replace(form, lines=lines, amplitude=amplitude, rival=rival.name)
 
 

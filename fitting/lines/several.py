@@ -26,9 +26,9 @@ import numpy as np
 from fitting.lines.choice import chance
 from fitting.lines.form import AMPLITUDE_FORMS, COMPLEX_FORMS, Form, LineFit, fit_form
 from fitting.lines.poles import poles
+from fitting.lines.record import LineValues, SecondLine
 from fitting.lines.starts import Start
 from fitting.lines.sweep_model import Place
-from fitting.signal.line_record import LineValues, SecondLine
 from fitting.signal.peaks import mode_response
 from fitting.signal.residual_tests import STRUCTURED
 from fitting.text.arrays import ComplexArray, FloatArray

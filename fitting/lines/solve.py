@@ -158,7 +158,7 @@ def fit_model(  # noqa: PLR0913 - what a fit may know
     problem = _Problem(model, values, weights, pull)
     if tries < len(starts):
         starts = sorted(starts, key=lambda x: problem.at(x).squares)[:tries]
-    minima = [_minimum(problem, start) for start in starts]
+    minima = [_minimum(problem.residuals, problem.slopes, start) for start in starts]
     x, converged, message = min(minima, key=lambda end: problem.at(end[0]).squares)
     return problem.fit(problem.at(x), converged=converged, message=message)
 
@@ -263,17 +263,21 @@ class _Problem:
         )
 
 
-def _minimum(problem: _Problem, start: FloatArray) -> tuple[FloatArray, bool, str]:
+def _minimum(
+    residuals: Callable[[FloatArray], FloatArray],
+    slopes: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+) -> tuple[FloatArray, bool, str]:
     """The x of least squares near a start, whether the solver ended there by itself, and how."""
     if start.size == 0:
         return start, True, "nothing but linear unknowns"
-    if problem.residuals(start).size < start.size:
+    if residuals(start).size < start.size:
         raise ValueError("fewer values than unknowns")
     with np.errstate(all="ignore"):
         x, _, _, message, status = leastsq(
-            problem.residuals,
+            residuals,
             start,
-            Dfun=problem.slopes,
+            Dfun=slopes,
             full_output=True,
             ftol=TOLERANCE,
             xtol=FINEST,
@@ -305,17 +309,7 @@ def _likeliest(model: Model, values: Array, start: FloatArray, likelihood: Likel
         there, slopes = curve(unknowns)
         return likelihood.residuals(measured, there)[1][:, None] * slopes
 
-    with np.errstate(all="ignore"):
-        unknowns, _, _, message, status = leastsq(
-            residuals,
-            start,
-            Dfun=jacobian,
-            full_output=True,
-            ftol=TOLERANCE,
-            xtol=FINEST,
-            gtol=0.0,
-            maxfev=EVALUATIONS,
-        )
+    unknowns, converged, message = _minimum(residuals, jacobian, start)
     there, slopes = curve(unknowns)
     return Fit(
         x=unknowns[:count],
@@ -323,8 +317,8 @@ def _likeliest(model: Model, values: Array, start: FloatArray, likelihood: Likel
         curve=there,
         residuals=residuals(unknowns),
         jacobian=-slopes / likelihood.deviation(there)[:, None],
-        converged=status in (1, 2, 3, 4, 6, 7, 8) and bool(np.all(np.isfinite(unknowns))),
-        message=" ".join(str(message).split()),
+        converged=converged,
+        message=message,
     )
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lines.choice import SIMPLER, chance, criteria_of, order_of, with_rivals
+from fitting.lines.choice import SIMPLER, Spread, chance, criteria_of, order_of, with_rivals
 from fitting.lines.form import (
     AMPLITUDE_FORMS,
     COMPLEX_FORMS,
@@ -16,9 +16,10 @@ from fitting.lines.form import (
     LineFit,
     fit_form,
 )
+from fitting.lines.likelihood import noise_weights
 from fitting.lines.names import MIN_SWEEP_POINTS
-from fitting.lines.noise import noise_weights
 from fitting.lines.null import Null, NullKind, beyond_ends, null_models
+from fitting.lines.record import LineValues, TriedForm, fields_of, no_line
 from fitting.lines.several import (
     TwoLines,
     TwoResonances,
@@ -37,7 +38,6 @@ from fitting.lines.starts import (
     squares_of,
 )
 from fitting.lines.sweep_model import Place
-from fitting.signal.line_record import LineValues, TriedForm, fields_of, no_line
 from fitting.signal.misfit import Misfit, correlation
 from fitting.signal.residual_tests import TOGETHER
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -73,26 +73,6 @@ WITH_SECOND = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class SweepFit:
-    """The line of a sweep.
-
-    Attributes:
-        line: as it is printed: the model that is taken, its errors with those of its rivals.
-        rivals: other models that describe the values nearly as well, which the errors include.
-        widening: factor on the errors for them, on frequency or width.
-        forms: every model that was tried, the one that is taken first.
-        nulls: models without a line.
-        is_reversed: whether phases were counted the other way round.
-    """
-
-    line: LineFit
-    rivals: tuple[str, ...]
-    widening: float
-    forms: tuple[TriedForm, ...]
-    nulls: tuple[Null, ...] = field(repr=False, default=())
-
-
 def is_reversed(frequency_hz: FloatArray, values: ComplexArray) -> bool:
     """Whether phases rise over the line, as of values that count Re[values exp(-i 2 pi f t)].
 
@@ -107,70 +87,60 @@ def is_reversed(frequency_hz: FloatArray, values: ComplexArray) -> bool:
     return there < here
 
 
-def fit_sweep(  # noqa: PLR0913 - what a line may be asked to be
-    frequency_hz: FloatArray,
-    values: FloatArray | ComplexArray,
-    *,
-    form: str = "",
-    elsewhere: Sequence[Place] = (),
-    delayed: bool | None = None,
-    count: int | None = 1,
-    source: str = "sweep",
-) -> SweepFit:
-    """The line of a sweep, or several that are fitted together.
-
-    Args:
-        frequency_hz: rising, shape (n,), Hz.
-        values: amplitudes, or complex values with phases as Re[values exp(i 2 pi f t)], (n,).
-        form: name of the form that is wanted; empty: they are compared.
-        elsewhere: lines that are observed beyond the ends.
-        delayed: whether complex values have the delay of a cable; None: both are compared.
-        count: number of lines; None: as many as the points show.
-        source: of the data, for errors.
-
-    Raises:
-        BadInput: too few points, no line, two of them where one is wanted, or one that the ends cut
-            off.
-    """
-    if frequency_hz.size < MIN_SWEEP_POINTS:
-        raise BadInput(
-            f"{source}: {frequency_hz.size} points are too few for a resonance fit; wanted at "
-            f"least {MIN_SWEEP_POINTS}"
-        )
-    search = _Search(frequency_hz, values, form, tuple(elsewhere), source, delayed)
-    return search.fit() if count == 1 else search.fit_several(count)
-
-
 def single_line_fits(frequency_hz: FloatArray, values: FloatArray | ComplexArray) -> list[LineFit]:
-    """Every form of one line that `fit_sweep` compares, as far as it can be fitted.
+    """Every form of one line that are compared, as far as it can be fitted.
 
     Args:
         frequency_hz: rising, shape (n,), Hz.
         values: amplitudes or complex values, shape (n,).
     """
-    search = _Search(frequency_hz, values, "", (), "sweep")
+    search = SweepSearch(frequency_hz, values)
     return search.singles(search.starts())[0]
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class SweepSearch:
+    """The line of a sweep, or several that are fitted together.
+
+    Attributes:
+        f: frequencies, rising, shape (n,), Hz.
+        values: amplitudes, or complex values with phases as Re[values exp(i 2 pi f t)], (n,).
+        wanted: name of the form that is wanted; empty: they are compared.
+        elsewhere: lines that are observed beyond the ends.
+        source: of the data, for errors.
+        delayed: whether complex values have the delay of a cable; None: both are compared.
+        weights: relative ones of the values, (n,); None: noise of one size is tried first.
+    """
+
     f: FloatArray
     values: FloatArray | ComplexArray
-    wanted: str
-    elsewhere: tuple[Place, ...]
-    source: str
+    wanted: str = ""
+    elsewhere: tuple[Place, ...] = ()
+    source: str = "sweep"
     delayed: bool | None = None
     weights: FloatArray | None = None
 
     @property
     def is_complex(self) -> bool:
+        """Whether there are phases."""
         return np.iscomplexobj(self.values)
 
     @property
     def rows(self) -> int:
+        """Number of residuals."""
         return self.values.size * (2 if self.is_complex else 1)
 
-    def fit(self) -> SweepFit:
+    def fit(self) -> Spread:
+        """The one line.
+
+        Raises:
+            BadInput: too few points, no line, two of them, or one that the ends cut off.
+        """
+        if self.f.size < MIN_SWEEP_POINTS:
+            raise BadInput(
+                f"{self.source}: {self.f.size} points are too few for a resonance fit; wanted at "
+                f"least {MIN_SWEEP_POINTS}"
+            )
         starts = self.starts()
         singles, failed = self.singles(starts)
         if singles:
@@ -178,7 +148,7 @@ class _Search:
             if weights is not None:
                 return replace(self, weights=weights).fit()
         delays = [start.delay_s for start in starts if start.delay_s]
-        nulls = tuple(null_models(self.f, self.values, delays, self.elsewhere, self.weights))
+        nulls = null_models(self.f, self.values, delays, self.elsewhere, self.weights)
         if not singles:
             raise self.nothing(nulls)
         criteria = criteria_of(singles, self.rows)
@@ -196,8 +166,7 @@ class _Search:
         self.check_ends(chosen)
         spread = with_rivals(fits, criteria, first)
         if self.wanted:  # a form that is requested has no rivals
-            spread = replace(spread, fit=chosen, rivals=(), factor=1.0)
-        line = spread.fit
+            spread = Spread(chosen)
         height = chosen.amplitude
         if not height.value > HIGH * height.std and not chosen.mirrored:
             raise BadInput(
@@ -209,18 +178,18 @@ class _Search:
         if both:
             single = criteria_of(singles, self.rows) + self.beyond(chosen, singles)
             tried += [self.tried(fit, float(c)) for fit, c in zip(singles, single, strict=True)]
-        return SweepFit(
-            line=line,
-            rivals=spread.rivals,
-            widening=spread.factor,
-            forms=(*tried, *failed),
-            nulls=nulls,
-        )
+        return replace(spread, forms=(*tried, *failed))
 
-    def fit_several(self, count: int | None) -> SweepFit:
+    def fit_several(self, count: int | None) -> Spread:
         """So many lines, each new one begun where the others leave most; None: those that gain.
 
         A line gains where noise alone does not explain it, by every fit of fewer (`not_by_chance`).
+
+        Args:
+            count: number of lines.
+
+        Raises:
+            BadInput: as of one line, or fewer lines than are wanted can be fitted.
         """
         singles, _ = self.singles(self.starts())
         if not singles:
@@ -257,10 +226,11 @@ class _Search:
             return self.fit()  # with all that contradicts one line
         self.check_describes(fits[0])
         forms_tried = [self.tried(fit, float(c)) for fit, c in zip(fits, criteria, strict=True)]
-        return SweepFit(line=fits[0], rivals=(), widening=1.0, forms=tuple(forms_tried))
+        return Spread(fits[0], forms=tuple(forms_tried))
 
     @property
     def forms(self) -> dict[str, Form]:
+        """Forms of one line by name."""
         return COMPLEX_FORMS if self.is_complex else AMPLITUDE_FORMS
 
     def beyond(self, chosen: LineFit, singles: Sequence[LineFit]) -> float:
@@ -271,6 +241,7 @@ class _Search:
 
     @property
     def ends(self) -> str:
+        """The first and the last frequency, for errors."""
         return hertz(*self.f[[0, -1]], digits=8, joined=" and ")
 
     def noise_weights(self, closest: LineFit) -> FloatArray | None:
@@ -284,6 +255,7 @@ class _Search:
     # --- models of one line ----------------------------------------------------------------------
 
     def starts(self) -> list[Start]:
+        """Where fits of one line may begin."""
         if self.is_complex:
             return complex_starts(self.f, np.asarray(self.values, dtype=complex))
         return amplitude_starts(self.f, np.asarray(self.values, dtype=float), phased=True)
@@ -386,6 +358,7 @@ class _Search:
         return both
 
     def two(self, best: LineFit, lines: TwoLines, times: float) -> TwoResonances:
+        """The error of a sweep of two lines."""
         lines = replace(lines, times=times)
         if not lines.overlap:
             places = hertz(*lines.frequency_hz, digits=5)
@@ -497,6 +470,7 @@ class _Search:
         )
 
     def tried(self, fit: LineFit, criterion: float) -> TriedForm:
+        """A model as it is listed."""
         return TriedForm(
             **fields_of(fit, LineValues),
             name=fit.name,

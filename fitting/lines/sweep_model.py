@@ -23,7 +23,7 @@ import numpy as np
 from fitting.lines.duffing import duffing
 from fitting.lines.lorentzian import Response, lorentzian
 from fitting.lines.solve import Columns
-from fitting.signal.rician import rician_mean, rician_rise, rician_slope
+from fitting.signal.rician import rician
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Largest logarithm of a factor on a width.
@@ -228,7 +228,7 @@ def _detected(
         slopes[-1] = 0.5 / detected
         return detected, slopes
     sigma = math.sqrt(0.5 * max(abs(power), 1e-18))
-    mean, rise = rician_mean(size, sigma), rician_slope(size, sigma)
-    slopes *= rise
-    slopes[-1] = math.copysign(0.5, power) * rician_rise(size, sigma)  # sigma^2 is half of it
+    mean, slope, rise = rician(size, sigma)
+    slopes *= slope
+    slopes[-1] = math.copysign(0.5, power) * rise  # sigma^2 is half of it
     return mean, slopes

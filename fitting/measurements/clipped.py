@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.lines.clipped_top import clipped_points
+from fitting.lines.excluded import clipped_points
 from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.finding import Finding, left_out

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting.lines.noise_spectrum import NoiseLine
+from fitting.lines.record import MeasuredLine
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.style import save, style
 from fitting.report.shown import ShownCampaign
 from fitting.resonance.figure import figure_of
-from fitting.resonance.noise_line import NoiseLine
-from fitting.resonance.record import MeasuredLine
 from fitting.text.csv_cells import csv_text
 from fitting.text.files import write_whole
 from fitting.text.records import write_json

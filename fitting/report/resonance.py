@@ -14,9 +14,12 @@ from fitting.lines.choice import FAR_MORE, SIMPLER
 from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import NOTCH, REFLECTION
 from fitting.lines.faults import fault_finding
+from fitting.lines.line import Line
 from fitting.lines.names import FANO, TRANSMISSION, WORDS, WORDS_COMPLEX
 from fitting.lines.noise_model import COUPLED, TOGETHER
-from fitting.lines.ringdown import ALONE, FORM_WORDS
+from fitting.lines.noise_spectrum import NoiseLine
+from fitting.lines.record import MeasuredLine, TriedForm
+from fitting.lines.ringdown import ALONE, FORM_WORDS, Ringdown
 from fitting.report.table import (
     Table,
     environment,
@@ -25,11 +28,6 @@ from fitting.report.table import (
     text_lines,
     wrapped,
 )
-from fitting.resonance.line import Line
-from fitting.resonance.noise_line import NoiseLine
-from fitting.resonance.record import MeasuredLine
-from fitting.resonance.ringdown import Ringdown
-from fitting.signal.line_record import TriedForm
 from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.text.estimate import Estimate

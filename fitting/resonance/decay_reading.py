@@ -12,7 +12,6 @@ import numpy.typing as npt
 from fitting.campaign.instruments import Channel, Recording
 from fitting.campaign.recognised import recognised
 from fitting.lines.decay_record import AMPLITUDES, PHASORS, DecayRecord
-from fitting.measurements.traces.grid import spacing_s
 from fitting.resonance.reading import (
     Columns,
     ValueRoles,
@@ -25,6 +24,7 @@ from fitting.resonance.reading import (
     values_in,
     with_unit,
 )
+from fitting.signal.time_grid import spacing_s
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.frequency import hertz_of

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import Channel, Recording, Selection
+from fitting.campaign.instruments import Channel, Recording, Selection, own_estimates
 from fitting.campaign.instruments.roles import without_zero
 from fitting.campaign.recognised import recognised
 from fitting.lines.names import TIME_WAY
+from fitting.lines.trace import Trace, swapped, trace_of
 from fitting.resonance.control_map import ControlMap, map_of
-from fitting.resonance.trace import Trace, swapped, trace_of
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput
@@ -367,7 +367,9 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
         repeated.append(note(Kind.rows_averaged, count=count, points=frequency_hz.size))
     made = trace_of(frequency_hz, values, unit, source=str(path), places=places)
     reading += repeated
-    return replace(made, read=read, reading=tuple(reading), notes=dict(recording.notes))
+    return replace(
+        made, read=read, reading=tuple(reading), instrument=own_estimates(dict(recording.notes))
+    )
 
 
 def _lenient(channel: Channel) -> ComplexArray:

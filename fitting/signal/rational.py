@@ -16,29 +16,6 @@ import numpy as np
 from fitting.text.arrays import ComplexArray, FloatArray
 
 
-@dataclass(frozen=True)
-class RationalFunction:
-    """r(f) = sum_j w_j v_j/(f - f_j) / sum_j w_j/(f - f_j): it is v_j at f_j, all of shape (m,).
-
-    Source: Berrut and Trefethen, SIAM Review 46, 501 (2004), barycentric form.
-    """
-
-    nodes_hz: FloatArray
-    values: ComplexArray
-    weights: ComplexArray
-
-    def __call__(self, frequency_hz: FloatArray) -> ComplexArray:
-        """Values, shape (n,), at frequencies (n,), Hz."""
-        apart = frequency_hz[:, np.newaxis] - self.nodes_hz
-        place, node = np.nonzero(apart == 0.0)
-        apart[place, node] = 1.0
-        terms = self.weights / apart
-        with np.errstate(all="ignore"):
-            found = np.asarray((terms @ self.values) / np.sum(terms, axis=1))
-        found[place] = self.values[node]
-        return found
-
-
 @dataclass(frozen=True, kw_only=True)
 class Interpolation:
     """A rational function of degree m - 1 through values at some frequencies.
@@ -47,8 +24,9 @@ class Interpolation:
     by least squares of relative errors. Of these m - 1 would do. With m of them there is a check:
     without any one of them the function is another one, as far as it is uncertain.
 
-    Source: the weights are those of Nakatsukasa, Sete and Trefethen, SIAM J. Sci. Comput. 40, A1494
-    (2018), without their choice of supports, so that they depend smoothly on the values.
+    Source: barycentric form of Berrut and Trefethen, SIAM Review 46, 501 (2004); the weights are
+    those of Nakatsukasa, Sete and Trefethen, SIAM J. Sci. Comput. 40, A1494 (2018), without their
+    choice of supports, so that they depend smoothly on the values.
     """
 
     supports_hz: FloatArray
@@ -75,10 +53,13 @@ class Interpolation:
             others=self.others[np.newaxis],
         )
 
-    @cached_property
-    def function(self) -> RationalFunction:
-        """The function that all values give."""
-        return RationalFunction(self.supports_hz, self.supports, self._alone.weights[0])
+    def function(self, frequency_hz: FloatArray) -> ComplexArray:
+        """Values (n,) of the function that all values give.
+
+        Args:
+            frequency_hz: frequencies (n,), Hz.
+        """
+        return np.asarray(self._alone.at(frequency_hz).values[0])
 
     def uncertainty(self, frequency_hz: FloatArray) -> FloatArray:
         """Largest relative change (n,) that one of the other values makes; infinite without value.

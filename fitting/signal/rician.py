@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import i0e, i1e
@@ -27,43 +28,32 @@ ROUNDS, SETTLING = 4, 12
 FAINT, LOUD, KNOTS = 0.3, 1e7, 400
 
 
-def rician_mean(length: FloatArray, sigma: float) -> FloatArray:
-    """Mean of R, (n,).
+class Rician(NamedTuple):
+    """Mean of R, its derivative by the length, 0 in the noise to 1 far above, and by s^2; (n,)."""
+
+    mean: FloatArray
+    slope: FloatArray
+    rise: FloatArray
+
+
+def rician(length: FloatArray, sigma: float | FloatArray) -> Rician:
+    """Mean magnitude of phasors in noise, with its derivatives; without noise the length itself.
 
     Args:
         length: nu, (n,), zero or more.
-        sigma: s, zero or more, in the same unit.
+        sigma: s, zero or more, in the same unit; one number, or (n,).
     """
-    if sigma == 0.0:
-        return np.array(length)
-    x = 0.25 * (length / sigma) ** 2
-    return np.asarray(sigma * np.sqrt(0.5 * np.pi) * ((1.0 + 2.0 * x) * i0e(x) + 2.0 * x * i1e(x)))
-
-
-def rician_slope(length: FloatArray, sigma: float) -> FloatArray:
-    """Derivative of the mean by the length, (n,): 0 in the noise, 1 far above it.
-
-    Args:
-        length: nu, (n,), zero or more.
-        sigma: s, zero or more, in the same unit.
-    """
-    if sigma == 0.0:
-        return np.ones(length.size)
-    x = 0.25 * (length / sigma) ** 2
-    return np.asarray(np.sqrt(0.5 * np.pi * x) * (i0e(x) + i1e(x)))
-
-
-def rician_rise(length: FloatArray, sigma: float) -> FloatArray:
-    """Derivative of the mean by s^2, (n,): 1/(2 nu) far above the noise.
-
-    Args:
-        length: nu, (n,), zero or more.
-        sigma: s, zero or more, in the same unit.
-    """
-    if sigma == 0.0:
-        return 0.5 / np.maximum(length, 1e-9 * float(np.max(length)))
-    x = 0.25 * (length / sigma) ** 2
-    return np.asarray(np.sqrt(np.pi / 8.0) / sigma * i0e(x))
+    known = np.asarray(sigma) > 0.0
+    noise = np.where(known, sigma, 1.0)
+    x = 0.25 * (length / noise) ** 2
+    even, odd = i0e(x), i1e(x)
+    mean = noise * np.sqrt(0.5 * np.pi) * ((1.0 + 2.0 * x) * even + 2.0 * x * odd)
+    far = 0.5 / np.maximum(length, 1e-9 * max(float(np.max(length, initial=0.0)), 1e-290))
+    return Rician(
+        np.where(known, mean, length),
+        np.where(known, np.sqrt(0.5 * np.pi * x) * (even + odd), 1.0),
+        np.where(known, np.sqrt(np.pi / 8.0) / noise * even, far),
+    )
 
 
 def rician_deviation(ratio: FloatArray) -> FloatArray:
@@ -73,7 +63,7 @@ def rician_deviation(ratio: FloatArray) -> FloatArray:
         ratio: nu/s, (n,), zero or more.
     """
     near = np.minimum(ratio, 1e4)  # beyond, the difference would cancel
-    mean = rician_mean(near, 1.0)
+    mean = rician(near, 1.0).mean
     return np.asarray(np.sqrt(2.0 + near**2 - mean**2))
 
 

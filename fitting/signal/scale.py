@@ -362,15 +362,10 @@ def chi_of_maxima(laboratory_v: float, simulated: float) -> float:
         simulated: simulated maximum, in model units.
 
     Raises:
-        NoScale: maxima without a ratio that is positive and finite.
+        NoScale: maxima without a ratio that is positive and finite, with all its digits.
 
     Source: the paper's Algorithm 1, line 6.
     """
-    return _ratio(laboratory_v, simulated)
-
-
-def _ratio(laboratory_v: float, simulated: float) -> float:
-    """Their ratio, if a double can hold it with all digits."""
     with np.errstate(all="ignore"):
         chi = float(np.divide(laboratory_v, simulated))
     if not (np.isfinite(chi) and chi >= TINY):
@@ -404,7 +399,7 @@ def chi_of_sweep(laboratory_v: FloatArray, simulated: FloatArray) -> float:
             "reaches the observed output"
         )
     measured, shape = laboratory_v / largest, simulated / height
-    return _ratio(largest, height) * float(np.dot(measured, shape) / np.dot(shape, shape))
+    return chi_of_maxima(largest, height) * float(np.dot(measured, shape) / np.dot(shape, shape))
 
 
 def chi_robust(laboratory_v: FloatArray, simulated: FloatArray) -> float:

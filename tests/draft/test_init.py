@@ -18,7 +18,7 @@ from fitting.draft.api import Question, drafted, init
 from fitting.draft.decays import ringdown_of
 from fitting.draft.two_modes import two_modes_of
 from fitting.fit.fit import Status
-from fitting.resonance.trace import trace_of
+from fitting.lines.trace import trace_of
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.estimate import Verdict

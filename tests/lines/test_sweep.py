@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.lines.sweep import fit_sweep
+from fitting.lines.sweep import SweepSearch
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from tests.support.lines import mode, noise
@@ -30,7 +30,7 @@ def bent(shift_hz: float) -> FloatArray:
 def test_a_bent_line_is_that_of_small_amplitudes_with_its_shift(shift_hz: float) -> None:
     """Noise of half a per cent of every reading; a Lorentzian was off by 2 to 6 errors."""
     rng = np.random.default_rng(int(shift_hz))
-    found = fit_sweep(F, bent(shift_hz) * (1.0 + 0.005 * rng.standard_normal(F.size))).line
+    found = SweepSearch(F, bent(shift_hz) * (1.0 + 0.005 * rng.standard_normal(F.size))).fit().fit
     assert found.bend is not None
     for number, truth in (
         (found.frequency, ETA),
@@ -45,7 +45,8 @@ def test_a_short_cable_is_no_background() -> None:
     """A turn of a tenth over the sweep: with a background A was 9 to 26 errors off."""
     for seed in range(3):
         cable = np.exp(-2j * np.pi * (F - ETA) * 1.7e-4)
-        found = fit_sweep(F, 0.21 * mode(F, ETA, WIDTH) * cable + noise(F.size, 1e-3, seed)).line
+        values = 0.21 * mode(F, ETA, WIDTH) * cable + noise(F.size, 1e-3, seed)
+        found = SweepSearch(F, values).fit().fit
         assert found.delay is not None
         assert abs(found.delay.value - 1.7e-4) < 4.0 * found.delay.std
         assert abs(found.amplitude.value - 0.21) < 4.0 * found.amplitude.std
@@ -58,7 +59,7 @@ def test_noise_that_grows_with_the_amplitude_is_weighted() -> None:
     slope = (ends[1] - ends[0]) / (2.0 * step)
     bound = 0.01 / np.sqrt(np.sum(slope**2))
     rng = np.random.default_rng(5)
-    found = fit_sweep(F, size * (1.0 + 0.01 * rng.standard_normal(F.size))).line
+    found = SweepSearch(F, size * (1.0 + 0.01 * rng.standard_normal(F.size))).fit().fit
     assert found.structure.sizes_p > 0.01
     assert 0.7 * bound < found.frequency.std < 1.6 * bound
     assert abs(found.frequency.value - ETA) < 4.0 * found.frequency.std
@@ -86,10 +87,10 @@ def test_what_is_no_line_is_refused_with_its_reason(
         drawn = noise(f.size, 2e-3, seed)
         seen = values + (drawn if np.iscomplexobj(values) else drawn.real)
         with pytest.raises(BadInput, match=reason):
-            fit_sweep(f, seen)
+            SweepSearch(f, seen).fit()
 
 
 def test_a_wiggle_that_no_model_describes_is_refused() -> None:
     wiggle = np.abs(mode(F, ETA, WIDTH)) + 0.2 * np.sin(F / 15.0) + 0.5
     with pytest.raises(BadInput, match=r"independent|two|straight|pole"):
-        fit_sweep(F, wiggle + noise(F.size, 1e-3, 1).real)
+        SweepSearch(F, wiggle + noise(F.size, 1e-3, 1).real).fit()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.lines.clipped_top import clipped_top
+from fitting.lines.excluded import clipped_top
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.text.sentences import sentence
 from fitting.text.toml import read_toml, toml_text

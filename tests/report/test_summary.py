@@ -11,6 +11,7 @@ import pytest
 
 import fitting as ff
 from fitting.fit.fit import Status
+from fitting.lines.record import NO_STRUCTURE, TriedForm, line_numbers
 from fitting.report.details import detail_lines
 from fitting.report.published import latex, rows_of
 from fitting.report.screen import printed
@@ -19,7 +20,6 @@ from fitting.report.table import table as table_of
 from fitting.report.table import text_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.result import Result
-from fitting.signal.line_record import NO_STRUCTURE, TriedForm, line_numbers
 from fitting.text.estimate import Closed, Verdict
 from fitting.text.finding import Finding, Kind
 from tests.support import plot_records

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fitting.lines.line import Line, line_of
+from fitting.lines.trace import trace_of
 from fitting.report.resonance import sentences, text
-from fitting.resonance.line import Line, line_of
-from fitting.resonance.trace import trace_of
 from fitting.text.arrays import FloatArray
 from fitting.text.finding import Kind, of_kind
 from tests.support.lines import mode, noise

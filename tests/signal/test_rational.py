@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.signal.rational import Interpolation, Interpolations, RationalFunction
+from fitting.signal.rational import Interpolation, Interpolations
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Poles 1e-3 and 2e-2 from the real axis, and a zero 1e-2 from it.
@@ -77,14 +77,6 @@ def test_no_response_has_no_interpolation() -> None:
     f = np.linspace(-1.0, 1.0, 6)
     found = through(f, np.zeros(6, dtype=complex), 3)
     assert np.all(np.isinf(found.uncertainty(PLACES)))
-
-
-def test_a_barycentric_function_is_a_quotient_of_sums() -> None:
-    """1/f through 1 and 2: (1/(f - 1) - 1/(f - 2))/(1/(f - 1) - 2/(f - 2)), weights 1 and -2."""
-    function = RationalFunction(
-        np.array([1.0, 2.0]), np.array([1.0, 0.5 + 0j]), np.array([1.0, -2.0 + 0j])
-    )
-    assert function(np.array([1.0, 4.0, 8.0])) == pytest.approx([1.0, 0.25, 0.125])
 
 
 def test_several_at_once_are_what_each_is_and_one_without_value_spoils_no_other() -> None:

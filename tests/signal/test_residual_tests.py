@@ -15,8 +15,8 @@ from scipy.stats import chi2, kstest
 from fitting.campaign import SweepData
 from fitting.inference.sweep_line import SweepLine, line_findings, line_of_sweep
 from fitting.lines.form import LineFit, fit_resonance
+from fitting.lines.record import TriedForm, no_line
 from fitting.report.screen import phrases
-from fitting.signal.line_record import TriedForm, no_line
 from fitting.signal.residual_tests import (
     autocorrelation,
     autoregression,

@@ -10,10 +10,8 @@ from scipy.stats import rice
 
 from fitting.signal.rician import (
     quadrature_noise,
+    rician,
     rician_deviation,
-    rician_mean,
-    rician_rise,
-    rician_slope,
     scatter_of,
 )
 from fitting.signal.rotating import SENSED, Reference, reference, rotating_responses
@@ -103,23 +101,23 @@ def test_noise_of_magnitudes_is_that_of_their_quadratures(top: float) -> None:
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 4.0, 30.0])
 def test_lengths_of_phasors_in_noise_follow_rice(ratio: float) -> None:
     sigma, nu = 0.7, np.array([0.7 * ratio])
-    assert rician_mean(nu, sigma) == pytest.approx(rice.mean(ratio, scale=sigma), rel=1e-9)
+    assert rician(nu, sigma).mean == pytest.approx(rice.mean(ratio, scale=sigma), rel=1e-9)
     assert rician_deviation(np.array([ratio])) == pytest.approx(rice.std(ratio), rel=1e-6)
     step = 1e-3
     slope = (rice.mean(ratio + step) - rice.mean(abs(ratio - step))) / (2.0 * step)
-    assert rician_slope(nu, sigma) == pytest.approx(slope, abs=1e-4)
+    assert rician(nu, sigma).slope == pytest.approx(slope, abs=1e-4)
     ends = [
         rice.mean(ratio * sigma / s, scale=s)
         for s in (np.sqrt(sigma**2 + step), np.sqrt(sigma**2 - step))
     ]
-    assert rician_rise(nu, sigma) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-4)
+    assert rician(nu, sigma).rise == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-4)
 
 
 def test_without_noise_a_length_is_itself() -> None:
     nu = np.array([0.0, 1.0, 2.0])
-    assert rician_mean(nu, 0.0) == pytest.approx(nu)
-    assert rician_slope(nu, 0.0) == pytest.approx(1.0)
-    assert rician_rise(nu, 0.0)[1:] == pytest.approx([0.5, 0.25])
+    assert rician(nu, 0.0).mean == pytest.approx(nu)
+    assert rician(nu, 0.0).slope == pytest.approx(1.0)
+    assert rician(nu, 0.0).rise[1:] == pytest.approx([0.5, 0.25])
 
 
 def test_scatter_tells_where_amplitudes_drown_in_noise() -> None:

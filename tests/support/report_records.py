@@ -14,6 +14,7 @@ from fitting.fit.fit import Status
 from fitting.fit.path import HistoryRow
 from fitting.inference.sweep_line import SweepLine
 from fitting.lines.form import fit_resonance
+from fitting.lines.record import line_numbers, number_of_line
 from fitting.measurements.figure import Figure
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import ShownSpectrum, spectra_figure
@@ -28,7 +29,6 @@ from fitting.result.result import (
     Scale,
     SweepCurves,
 )
-from fitting.signal.line_record import line_numbers, number_of_line
 from fitting.text.estimate import OutputEstimate, ParameterEstimate, Verdict
 from fitting.text.finding import Finding, Kind
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from fitting.lines.record import number_of_line
 from fitting.result.schema import upgraded
-from fitting.signal.line_record import number_of_line
 from fitting.text.estimate import Estimate, Verdict
 
 

@@ -7,7 +7,7 @@ amplitudes and weights w,
     ln chi = sum_i w_i (ln L_i - ln A_i) / sum_i w_i              amplitudes in dB
     chi minimises sum_i w_i (M(chi A_i) - L_i)^2                  magnitudes of noisy quadratures
 
-(variable projection); M is the mean of a magnitude (`fitting.signal.magnitude`). Unlike complex
+(variable projection); M is the mean of a magnitude (`fitting.signal.rician`). Unlike complex
 gains (`fitting.measurements.complex.gain`) scales are positive, nothing stands beside them, and the
 last two enter otherwise than linearly: the one is a mean of logarithms, the other takes steps.
 Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.
@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.signal.magnitude import mean_magnitude
+from fitting.signal.rician import rician
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import NoScale
 
@@ -127,7 +127,7 @@ class SpectrumScales:
         square = self._sums(shape * (self.measured**2 - 2.0 * sigma**2))
         result = np.sqrt(np.maximum(square / self._sums(shape * values**2), least**2))
         for _ in range(SCALE_STEPS):
-            observed = mean_magnitude(np.repeat(result, self.counts) * values, sigma)
+            observed = rician(np.repeat(result, self.counts) * values, sigma)
             slopes = observed.slope * values
             pull = self._sums(weights * slopes * (self.measured - observed.mean))
             result = np.maximum(result + pull / self._sums(weights * slopes**2), least)

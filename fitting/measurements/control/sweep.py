@@ -10,7 +10,7 @@ chi_k is that of its spectrum, solved inside by weighted least squares, or one o
 in dB the rows are logarithms, ln(chi_k D A) - ln L: noise that is a share of each point would bias
 a ratio whose denominator it is. Other amplitudes whose noise is known are magnitudes of quadratures
 that have it, and larger than the response by what noise makes of it on average
-(`fitting.signal.magnitude`): M(chi_k D A) stands in place of chi_k D A.
+(`fitting.signal.rician`): M(chi_k D A) stands in place of chi_k D A.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from fitting.measurements.measurement import (
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.together import SweepsTogether
 from fitting.signal.chi_square import joined_freedom
-from fitting.signal.magnitude import mean_magnitude
+from fitting.signal.rician import rician
 from fitting.signal.roughness import roughness_freedom
 from fitting.signal.scale import half_power_width
 from fitting.simulate.batch import Batch
@@ -160,7 +160,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         """
         if not self._is_rectified:
             return amplitude
-        return mean_magnitude(amplitude, self._quadrature_sigma).mean
+        return rician(amplitude, self._quadrature_sigma).mean
 
     @cached_property
     def measured_rows(self) -> FloatArray:
@@ -186,7 +186,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         result = np.zeros((self.rows, self.solved_inside))
         values = self.scaled(prediction, 1.0)
         if self._is_rectified:
-            values = mean_magnitude(values, self._quadrature_sigma).slope * values
+            values = rician(values, self._quadrature_sigma).slope * values
         values = values / self.sizes
         if self.logarithmic:
             values = np.ones(self.rows)

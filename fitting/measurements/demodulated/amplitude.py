@@ -1,6 +1,6 @@
 """Amplitudes that columns of phasors make: their factors and the noise below them, solved inside.
 
-    S = rice(|D c|, s)        sum ((S - R)/w)^2 least        R measured
+    S = rician(|D c|, s)        sum ((S - R)/w)^2 least        R measured
 
 D (n, k) are free responses as a demodulator shows them, c (k,) complex factors up to a phase that
 all have in common, s the noise of each quadrature, from which amplitudes do not fall to zero.
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from fitting.signal.least_squares import damped_step
-from fitting.signal.rician import rician_mean, rician_rise, rician_slope
+from fitting.signal.rician import rician
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Steps at most, the relative one that ends them, and the damping of the first: its factors.
@@ -49,11 +49,12 @@ def solved_amplitude(
         z = unit @ c
         length = np.abs(z)
         along = np.conj(z) / np.where(length > 0.0, length, 1.0)
-        slopes = (along * rician_slope(length, s))[:, None] * unit
+        mean, slope, rise = rician(length, s)
+        slopes = (along * slope)[:, None] * unit
         parts = [slopes.real, -slopes.imag[:, free]]
         if sigma is None:
-            parts.append(rician_rise(length, s)[:, None])
-        return rician_mean(length, s), np.concatenate(parts, axis=1)
+            parts.append(rise[:, None])
+        return mean, np.concatenate(parts, axis=1)
 
     begin = [*rotated.real, *rotated.imag[free], *([power] if sigma is None else [])]
     return _least(amplitude, np.array(begin), measured, weights, has_power=sigma is None)

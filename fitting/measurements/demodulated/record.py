@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from fitting.fmu import SampledSignal
+from fitting.lines.decay_begin import decay_start
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.traces.record import SHIFTS
 from fitting.measurements.traces.time_record import TimeRecord
-from fitting.signal.decay import decay_start
 from fitting.signal.rician import Scatter, scatter_of
 from fitting.signal.rotating import SENSED, Reference, reference
 from fitting.signal.window import Window

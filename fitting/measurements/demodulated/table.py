@@ -11,7 +11,7 @@ from fitting.campaign.instruments import Recording, Selection, read_recording, u
 from fitting.measurements.demodulated.record import DemodulatedRecord
 from fitting.measurements.demodulated.traces import DemodulatedTraces
 from fitting.measurements.record_table import TimeTable
-from fitting.measurements.traces.grid import spacing_s
+from fitting.signal.time_grid import spacing_s
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.keys import Count, FileName, Keys, Missing, Refused, Switch, Text, Value

@@ -14,7 +14,6 @@ from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
 from fitting.fmu.variables import VariableLike
 from fitting.measurements.record_table import TimeTable
-from fitting.measurements.traces.grid import spacing_s
 from fitting.measurements.traces.record import (
     FIT,
     GAINS,
@@ -27,6 +26,7 @@ from fitting.measurements.traces.record import (
 from fitting.measurements.traces.time_record import FIRST, FOUND
 from fitting.measurements.traces.traces import Traces
 from fitting.measurements.traces.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
+from fitting.signal.time_grid import spacing_s
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, note

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from fitting.fmu import SampledSignal
 from fitting.measurements.record import Record
-from fitting.measurements.traces.grid import refuse_clipped, spacing_s
 from fitting.measurements.traces.own_steps import LOOKED, Look
+from fitting.signal.time_grid import refuse_clipped, spacing_s
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput

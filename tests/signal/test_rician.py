@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fitting.signal.magnitude import mean_magnitude
+from fitting.signal.rician import rician
 
 
 def by_mpmath(a: float) -> float:
@@ -17,7 +17,7 @@ def by_mpmath(a: float) -> float:
 
 def test_means_and_slopes_are_those_of_rice() -> None:
     a = np.array([0.0, 1e-3, 0.3, 1.0, 2.017, 7.77, 15.99, 16.0, 16.01, 40.0, 1e4])
-    found = mean_magnitude(2.5 * a, np.full(a.size, 2.5))
+    found = rician(2.5 * a, np.full(a.size, 2.5))
     assert found.mean == pytest.approx([2.5 * by_mpmath(x) for x in a], rel=1e-9, abs=2e-9)
     slopes = [float(mp.diff(by_mpmath, x, h=1e-4)) for x in a[1:-1]]
     assert found.slope[1:-1] == pytest.approx(slopes, abs=1e-5)
@@ -34,7 +34,7 @@ def slope_by_mpmath(a: float) -> float:
 
 @pytest.mark.parametrize("a", [0.01, 0.9, 5.3, 15.97, 16.0, 16.4, 19.0, 25.0])
 def test_what_noise_adds_is_known_to_a_billionth_and_its_slope_nearly_so(a: float) -> None:
-    found = mean_magnitude(np.array([a, 3.0 * a]), np.array([1.0, 3.0]))
+    found = rician(np.array([a, 3.0 * a]), np.array([1.0, 3.0]))
     with mp.workdps(30):
         more = float(mp.sqrt(mp.pi / 2) * mp.laguerre(mp.mpf(1) / 2, 0, -(mp.mpf(a) ** 2) / 2) - a)
     assert found.mean[0] - a == pytest.approx(more, abs=1.2e-9)
@@ -43,7 +43,7 @@ def test_what_noise_adds_is_known_to_a_billionth_and_its_slope_nearly_so(a: floa
 
 
 def test_what_has_no_noise_is_left_alone() -> None:
-    found = mean_magnitude(np.array([0.0, 3.0, 3.0]), np.array([0.0, 0.0, 1.0]))
+    found = rician(np.array([0.0, 3.0, 3.0]), np.array([0.0, 0.0, 1.0]))
     assert found.mean == pytest.approx([0.0, 3.0, by_mpmath(3.0)])
     assert found.slope[:2] == pytest.approx([1.0, 1.0])
 
@@ -52,5 +52,5 @@ def test_drawn_magnitudes_have_that_mean() -> None:
     rng = np.random.default_rng(4)
     for a in (0.0, 0.7, 3.0):
         drawn = np.abs(a + rng.standard_normal(200_000) + 1j * rng.standard_normal(200_000))
-        [mean] = mean_magnitude(np.array([a]), np.ones(1)).mean
+        [mean] = rician(np.array([a]), np.ones(1)).mean
         assert np.mean(drawn) == pytest.approx(mean, abs=4.0 * np.std(drawn) / np.sqrt(drawn.size))

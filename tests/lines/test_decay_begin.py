@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.signal.decay import decay_start
+from fitting.lines.decay_begin import decay_start
 from fitting.text.arrays import FloatArray
 
 COUNT, MODES = 2500, ((0.11, 1 / 600.0, 1.0, 0.3), (0.1148, 1 / 780.0, 0.7, 1.0))

@@ -62,7 +62,7 @@ class Trace:
         read: the columns that were taken for what, in words; empty for arrays.
         phases_reversed: whether the file counts them the other way; here they are reversed.
         reading: how the file was read.
-        notes: header entries of the file.
+        instrument: the instrument's own estimates, see `LineResult`.
         places: where every point stands in the file, as "row 12", (n,); of arrays its number.
         whole: the trace of which this is a part; None: it is whole.
     """
@@ -74,7 +74,7 @@ class Trace:
     read: str = ""
     phases_reversed: bool = False
     reading: tuple[Finding, ...] = ()
-    notes: Mapping[str, str] = field(default_factory=dict)
+    instrument: Mapping[str, float] = field(default_factory=dict)
     places: tuple[str, ...] = ()
     whole: Trace | None = None
 

@@ -1,4 +1,4 @@
-"""Records of a line: its numbers with their errors, the forms that were tried, a whole result."""
+"""Records of lines: numbers with their errors, forms that were tried, results with their points."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from fitting.signal.residual_tests import STRUCTURED, Structure
 from fitting.signal.student import ratio95
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.as_number import AsNumber
 from fitting.text.estimate import NOWHERE, Estimate, Interval, Verdict
+from fitting.text.finding import Finding
+from fitting.text.sentences import sentence_lines
 
 #: Rows of a matrix.
 Matrix = tuple[tuple[float, ...], ...]
@@ -91,23 +95,6 @@ def number_of_line(
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CurveFit:
-    """A curve as fitted to values over the largest one.
-
-    Attributes:
-        curve: (n,), real or complex.
-        squares: sum of the squared residuals, over the square of the largest value.
-        unknowns: real numbers that were fitted.
-        structure: what the order of the residuals shows.
-    """
-
-    curve: FloatArray | ComplexArray
-    squares: float
-    unknowns: int
-    structure: Structure
-
-
 class Renamed:
     """A record of which names of 0.2.0 work; see `RENAMED`."""
 
@@ -150,6 +137,8 @@ def line_numbers(
     width: tuple[float, float],
     q: tuple[float, float],
     dof: float = math.nan,
+    *,
+    q_by_width: bool = False,
 ) -> dict[str, Any]:
     """The fields of `LineValues`, with symmetric intervals.
 
@@ -158,12 +147,17 @@ def line_numbers(
         width: full width at half of the power, the same, Hz.
         q: quality factor, the same.
         dof: degrees of freedom of the noise; NaN: errors are unknown.
+        q_by_width: whether the interval of the quality factor is that of the width.
     """
     half = math.nan if math.isnan(dof) else ratio95(dof)
+    fwhm, ci95 = number_of_line("width", *width, half=half), None
+    if q_by_width:
+        slow, fast = (max(end, 1e-300) for end in fwhm.ci95)
+        ci95 = q[0] * width[0] / fast, q[0] * width[0] / slow
     return {
         "frequency": number_of_line("frequency", *frequency, half=half),
-        "width": number_of_line("width", *width, half=half),
-        "q": number_of_line("q", *q, "1", half=half),
+        "width": fwhm,
+        "q": number_of_line("q", *q, "1", half=half, ci95=ci95),
     }
 
 
@@ -282,3 +276,113 @@ def fields_of(record: Any, kind: type) -> dict[str, Any]:
         kind: class of the other.
     """
     return {of.name: getattr(record, of.name) for of in fields(kind)}
+
+
+Floats = tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Points:
+    """What was measured and what was fitted, (n,) each; imaginary parts are empty without phases.
+
+    One of ``frequency_hz`` and ``time_s`` is empty. Phases of a sweep are counted as
+    Re[value exp(i 2 pi f t)]: they fall over a resonance. Densities are in the unit squared per Hz.
+    """
+
+    measured: Floats
+    fitted: Floats
+    frequency_hz: Floats = ()
+    time_s: Floats = ()
+    measured_imaginary: Floats = ()
+    fitted_imaginary: Floats = ()
+
+    @classmethod
+    def of(
+        cls,
+        measured: FloatArray | ComplexArray,
+        fitted: FloatArray | ComplexArray,
+        *,
+        frequency_hz: FloatArray | None = None,
+        time_s: FloatArray | None = None,
+    ) -> Points:
+        """Points of arrays, (n,) each.
+
+        Args:
+            measured: values, complex ones with phases.
+            fitted: at the same places.
+            frequency_hz: of a sweep or a spectrum, Hz.
+            time_s: of a recording over time, s.
+        """
+        imaginary = {}
+        if np.iscomplexobj(measured):
+            imaginary = {
+                "measured_imaginary": tuple(measured.imag.tolist()),
+                "fitted_imaginary": tuple(fitted.imag.tolist()),
+            }
+        return cls(
+            measured=tuple(measured.real.tolist()),
+            fitted=tuple(fitted.real.tolist()),
+            frequency_hz=() if frequency_hz is None else tuple(frequency_hz.tolist()),
+            time_s=() if time_s is None else tuple(time_s.tolist()),
+            **imaginary,
+        )
+
+    @property
+    def place(self) -> Floats:
+        """Frequencies, Hz, or times, s."""
+        return self.frequency_hz or self.time_s
+
+    def arrays(self) -> tuple[FloatArray | ComplexArray, FloatArray | ComplexArray]:
+        """Measured and fitted values, real or complex, (n,) each."""
+        measured, fitted = np.array(self.measured), np.array(self.fitted)
+        if not self.measured_imaginary:
+            return measured, fitted
+        return (
+            measured + 1j * np.array(self.measured_imaginary),
+            fitted + 1j * np.array(self.fitted_imaginary),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredLine(LineResult):
+    """One resonance of a file or of arrays.
+
+    Attributes:
+        chisqr: sum of the squared residuals as they were weighted, in the squared unit; of a noise
+            spectrum the deviance over what it is expected to be for each point.
+        unknowns: real numbers that were fitted.
+        correl: correlations of the numbers of ``var_names``, (k, k).
+        reading: how the file was read: findings that ask nothing of the reader.
+        points: what was measured and what was fitted.
+    """
+
+    chisqr: float
+    unknowns: int
+    correl: Matrix
+    reading: tuple[Finding, ...]
+    points: Points = field(repr=False)
+
+    @property
+    def var_names(self) -> tuple[str, ...]:
+        """Names of the numbers that were fitted and are printed."""
+        return ("frequency", "width", "amplitude")
+
+    @property
+    def rows(self) -> int:
+        """Number of residuals: of complex values two at every point."""
+        return len(self.points.place) * (2 if self.is_complex else 1)
+
+    @property
+    def minus_twice_likely(self) -> float:
+        """Minus twice the logarithm of the likelihood of normal noise, but for a constant."""
+        return self.rows * math.log(self.chisqr / self.rows) if self.chisqr > 0.0 else -math.inf
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """How the file was read, in sentences."""
+        return sentence_lines(self.reading)
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether phases were measured."""
+        return bool(self.points.measured_imaginary)

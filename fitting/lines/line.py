@@ -7,20 +7,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign.instruments import own_estimates
+from fitting.lines.choice import Spread
 from fitting.lines.dip import NOTCH, REFLECTION, DipReading, dip_readings
+from fitting.lines.excluded import (
+    Clipped,
+    Spike,
+    further_lines,
+    spikes_in,
+    without_clipped,
+    without_spikes,
+)
 from fitting.lines.faults import Fault, SweepFault, sweep_faults
 from fitting.lines.form import LineFit
 from fitting.lines.names import MIN_SWEEP_POINTS
+from fitting.lines.record import LineNumber, LineValues, MeasuredLine, Points, SecondLine, fields_of
 from fitting.lines.several import TwoResonances
-from fitting.lines.sweep import SweepFit, fit_sweep, is_reversed
+from fitting.lines.sweep import SweepSearch, is_reversed
 from fitting.lines.sweep_model import Place
-from fitting.resonance.clipped import Clipped, without_clipped
-from fitting.resonance.further_lines import further_lines
-from fitting.resonance.record import MeasuredLine, Points
-from fitting.resonance.spikes import Spike, spikes_in, without_spikes
-from fitting.resonance.trace import Trace
-from fitting.signal.line_record import LineNumber, LineValues, SecondLine, fields_of
+from fitting.lines.trace import Trace
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, note
 from fitting.text.notation import hertz, listed
@@ -104,15 +108,11 @@ def line_of(
         rest, clipped = without_clipped(without_spikes(trace, spikes))
         rest = _as_falling(rest)
         elsewhere = [Place(line.frequency_hz, line.width_hz) for line in further_lines(rest)]
-        fit = fit_sweep(
-            rest.frequency_hz,
-            rest.values,
-            form="fano" if wiring in (NOTCH, REFLECTION) else wiring,
-            elsewhere=elsewhere,
-            delayed=delayed,
-            count=count,
-            source=rest.source,
+        form = "fano" if wiring in (NOTCH, REFLECTION) else wiring
+        search = SweepSearch(
+            rest.frequency_hz, rest.values, form, tuple(elsewhere), rest.source, delayed
         )
+        fit = search.fit() if count == 1 else search.fit_several(count)
     except BadInput as error:
         if isinstance(error, TwoResonances):
             error.phases_reversed = rest.phases_reversed
@@ -130,13 +130,13 @@ def line_of(
 
 def _line(
     trace: Trace,
-    fit: SweepFit,
+    fit: Spread,
     wiring: str,
     elsewhere: Sequence[Place],
     spikes: Sequence[Spike],
     clipped: Clipped | None,
 ) -> Line:
-    best = fit.line
+    best = fit.fit
     # of complex values both parts are rows: their points are worth half of them
     structure = best.structure
     structure = replace(structure, points=structure.points / (2.0 if trace.is_complex else 1.0))
@@ -156,14 +156,14 @@ def _line(
         dof=best.dof,
         structure=structure,
         rivals=fit.rivals,
-        rivals_widening=fit.widening,
+        rivals_widening=fit.factor,
         forms=fit.forms,
         readings=dip_readings(trace.frequency_hz, best, wiring),
         faults=_faults(trace, best),
         second=best.second,
         others=tuple(replace(o, amplitude=_in(o.amplitude, trace.unit)) for o in best.others),
         further_hz=tuple(place.frequency_hz for place in elsewhere),
-        instrument=own_estimates(trace.notes),
+        instrument=trace.instrument,
         spikes=tuple(spikes),
         phases_reversed=trace.phases_reversed,
         clipped=clipped,
