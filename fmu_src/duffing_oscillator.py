@@ -111,6 +111,7 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
             ("periodic start", {"periodic_start": True}, START),
             ("linear model", {"alpha1": 0.0, "alpha2": 0.0, "kappa": 0.0}, None),
         ),
+        slow=("averaged envelope",),
     )
 
     def begin(self, t: float) -> None:

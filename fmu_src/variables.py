@@ -107,13 +107,15 @@ class Accuracy:
     ``tolerance`` and ``substep`` are parameters; ``full`` start values of the whole model;
     ``reductions`` rows (name, start values that make it cheaper, what bounds its error: an output,
     START where the start state alone is set and the model is whole, None where nothing is known;
-    and the part of a run's work that is left at equal steps, where that is known beforehand).
+    and the part of a run's work that is left at equal steps, where that is known beforehand);
+    ``slow`` those with which steps of the solver follow the beats of the tones alone.
     """
 
     tolerance: str | None
     substep: str | None
     full: Mapping[str, Any]
     reductions: Sequence[tuple[Any, ...]]
+    slow: Sequence[str] = ()
 
     def to_xml(self) -> Element:
         """Return the VendorAnnotations element."""
@@ -132,6 +134,8 @@ class Accuracy:
                 attributes.update({"start": "true"} if bound == START else {"bound": bound})
             if cost:
                 attributes["cost"] = str(cost[0])
+            if name in self.slow:
+                attributes["slow"] = "true"
             _add_settings(SubElement(element, "Reduction", attributes), settings)
         return root
 

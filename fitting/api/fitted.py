@@ -32,8 +32,8 @@ from fitting.fit.path import HistoryRow, Hooks, Memory, Progress
 from fitting.fit.problem import Problem as Record
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
-from fitting.inference.inferred import Inferred
-from fitting.inference.likelihood.knowledge import Knowledge, Scan
+from fitting.inference.likelihood.knowledge import Inferred, Knowledge, Scan
+from fitting.inference.sweeps import SweepFindings, sweep_findings
 from fitting.report.details import detail_lines
 from fitting.report.summary import result_lines
 from fitting.report.table import Table, html_table, table, terminal_text, text_lines, wrapped
@@ -472,7 +472,13 @@ class Fit(Valued):
     @cached_property
     def inferred(self) -> InferenceRecord:
         """All values with linearised errors, as records."""
-        return infer(self.record, InferenceRequest(units=self.identity.units, profiles=False))
+        request = InferenceRequest(units=self.identity.units, profiles=False, sweeps=self._sweeps)
+        return infer(self.record, request)
+
+    @cached_property
+    def _sweeps(self) -> SweepFindings:
+        """What the sweeps show by themselves, and next to the peaks of their series."""
+        return sweep_findings(self.record.problem, self.record.solution)
 
     @property
     def source(self) -> Fit:
@@ -773,7 +779,7 @@ def profile(
         budget=budget,
         bootstrap=bootstrap,
         only=requested,
-        sweeps=fit.inferred.sweeps,
+        sweeps=fit._sweeps,
         progress=progress or (lambda spent: None),
     )
     result = infer(fit.record, request)

@@ -436,6 +436,7 @@ def _bind_annotation(choice: WrittenAccuracy, binder: Binder, where: str) -> Acc
             bound=entry.bound,
             cost=entry.cost,
             start=entry.start,
+            slow=entry.slow,
         )
         for entry in choice.reductions
     )

@@ -30,8 +30,7 @@ from fitting.fit.objective import Objective, Point, evaluate_many, make_objectiv
 from fitting.fit.outputs import answered_apart, mean, output_means
 from fitting.fit.problem import problem_of
 from fitting.fit.solution import curve_structure
-from fitting.inference.inferred import Inferred
-from fitting.inference.likelihood.knowledge import Values
+from fitting.inference.likelihood.knowledge import Inferred, Values
 from fitting.result.result import Result, read_result
 from fitting.result.same_data import require_same_data
 from fitting.signal.residual_tests import NOTABLE, Structure

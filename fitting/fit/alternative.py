@@ -14,11 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fitting.campaign.parameters import search_bounds, to_model
-from fitting.fit.evaluator import Counts, Evaluator
 from fitting.fit.interior_point import inside
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, noise_of, shared
-from fitting.fit.objective import Objective, Point, evaluate_many
+from fitting.fit.objective import Counts, Evaluator, Objective, Point, evaluate_many
 from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.options import Schedule
 from fitting.fit.outputs import mean
@@ -126,7 +125,7 @@ def search_alternative(
         outcome = replace(outcome, twins=twins, counts=outcome.counts + evaluator.counts)
         # of ends that are as likely, as along an open valley, that from the reference is reported
         reference = inside(np.zeros(len(parameters)), *search_bounds(parameters))
-        outcome, optimum, point = _lowered(outcome, [reference, outcome.x])
+        outcome, optimum, point = _descend(outcome, [reference, outcome.x])
         is_wide = optimum.likelihood.inflation > 1.0
         if schedule.starts == 1 and not is_wide and not objective.data.unexplained(point.residuals):
             return outcome
@@ -143,12 +142,12 @@ def search_alternative(
         search = replace(search, twins=len(twins))
         outcome = replace(outcome, search=search, minima=minima, counts=outcome.counts + spent)
         lower = [m.x for m in minima[:LOWEST] if m.chi_square < own - EQUAL * (1.0 + own)]
-        return _lowered(outcome, lower)[0] if lower else outcome
+        return _descend(outcome, lower)[0] if lower else outcome
     except KeyboardInterrupt:
         return replace(outcome, interrupted=True)
 
 
-def _lowered(outcome: Outcome, begins: Sequence[FloatArray]) -> tuple[Outcome, Optimum, Point]:
+def _descend(outcome: Outcome, begins: Sequence[FloatArray]) -> tuple[Outcome, Optimum, Point]:
     """The outcome at the lowest end of descents from some places; its optimum and its point."""
     objective = outcome.objective
     [point] = evaluate_many(objective, begins[:1])

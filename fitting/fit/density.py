@@ -24,6 +24,7 @@ from scipy.special import gammaln
 
 from fitting.campaign.parameters import Parameter
 from fitting.fit.covariance import RowCovariance
+from fitting.fit.noise import shared
 from fitting.measurements.dataset import Dataset
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
@@ -77,18 +78,17 @@ class Density:
             BadInput: rows of unknown noise share the error of a scale.
         """
         data, known = self.data, self.known
-        mine = data.series_of_rows[:, None] == np.arange(len(data.series))
-        shared = np.where(mine, data.measured_rows[:, None] * np.array(data.scale_sigmas), 0.0)
+        common = shared(data, np.zeros(known.size))
         for m, place in zip(data.measurements, data.slices, strict=True):
             if m.takes_scale_from_rows and not np.any(known[place]):
-                shared[place] = 0.0  # its scale is solved for inside these rows
-        if np.any(shared[~known]):
+                common[place] = 0.0  # its scale is solved for inside these rows
+        if np.any(common[~known]):
             raise BadInput(
                 f"problem: the noise of {int(np.sum(~known))} of {known.size} rows is not known, "
                 "and they share the error of a scale; wanted sigmas_v, noise with a relative or "
                 'absolute part, or scale = "free"'
             )
-        return RowCovariance(data.sigma[known], shared[known])
+        return RowCovariance(data.sigma[known], common[known])
 
     def squares(self, rows: FloatArray) -> FloatArray:
         """S (k,) of the module, widened.

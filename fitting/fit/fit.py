@@ -22,8 +22,7 @@ from fitting.fit.alternative import (
     search_alternative,
     with_values,
 )
-from fitting.fit.evaluator import Counts, Evaluator
-from fitting.fit.objective import make_objective
+from fitting.fit.objective import Counts, Evaluator, make_objective
 from fitting.fit.options import Options
 from fitting.fit.outputs import runs_of_outputs
 from fitting.fit.path import (
@@ -149,7 +148,7 @@ def solve_problem(
             break
     if not outcomes:
         raise KeyboardInterrupt
-    return _finished(problem, options, outcomes, hooks.clock() - started)
+    return _assemble(problem, options, outcomes, hooks.clock() - started)
 
 
 def with_path(fit: Fit, hooks: Hooks | None = None) -> Fit:
@@ -225,7 +224,7 @@ def fit_from(fit: Fit, x: FloatArray) -> Fit:
         return fit
     outcomes = list(fit.outcomes)
     outcomes[fit.reported] = there
-    return _again(fit, outcomes)
+    return _assemble_again(fit, outcomes)
 
 
 def promised_anew(fit: Fit, respond: Callable[[Mapping[str, Scalar]], Response]) -> Fit:
@@ -243,17 +242,17 @@ def promised_anew(fit: Fit, respond: Callable[[Mapping[str, Scalar]], Response])
         replace(each, objective=replace(each.objective, response=respond(settings)))
         for each, settings in pairs
     ]
-    return _again(fit, outcomes)
+    return _assemble_again(fit, outcomes)
 
 
-def _again(fit: Fit, outcomes: Sequence[Outcome]) -> Fit:
+def _assemble_again(fit: Fit, outcomes: Sequence[Outcome]) -> Fit:
     """The fit put together anew; its levels of ν stay."""
-    anew = _finished(fit.problem, fit.options, outcomes, fit.seconds)
+    anew = _assemble(fit.problem, fit.options, outcomes, fit.seconds)
     paths: dict[str, Any] = {"levels": fit.levels, "path": fit.path, "global_path": fit.global_path}
     return replace(anew, cost=anew.cost + sum((v.counts for v in fit.levels), Counts()), **paths)
 
 
-def _finished(problem: Problem, options: Options, ended: Sequence[Outcome], seconds: float) -> Fit:
+def _assemble(problem: Problem, options: Options, ended: Sequence[Outcome], seconds: float) -> Fit:
     outcomes = tuple(map(with_values, ended))
     alternatives = alternative_results(outcomes, problem.alternatives)
     reported = next(k for k, each in enumerate(alternatives) if each.reported)

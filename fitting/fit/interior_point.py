@@ -22,8 +22,7 @@ import numpy as np
 from scipy.optimize import BFGS, Bounds, NonlinearConstraint, least_squares, minimize
 from scipy.sparse import block_array, csr_array, diags_array, eye_array
 
-from fitting.fit.evaluator import Evaluator, total
-from fitting.fit.objective import Nu, j_reg
+from fitting.fit.objective import Evaluator, Nu, j_reg, total
 from fitting.text.arrays import FloatArray
 
 #: First barrier parameter, in units of J (of one where J is more): that of scipy.
@@ -156,7 +155,12 @@ def second_value(evaluator: Evaluator, start: FloatArray, nu: Nu, misfit: str) -
         return np.concatenate([weights * point.residuals, tikhonov * x])
 
     def slopes(x: FloatArray) -> FloatArray:
-        return np.vstack([weights[:, None] * evaluator.slopes(np.array(x)), np.diag(tikhonov)])
+        return np.vstack(
+            [
+                weights[:, None] * evaluator.jacobian(np.array(x), is_central=False),
+                np.diag(tikhonov),
+            ]
+        )
 
     def loss(z: FloatArray) -> FloatArray:
         """rho(r^2), its two derivatives: |r| of the data, x^2 of the Tikhonov rows."""
@@ -191,7 +195,7 @@ def _slack_problem(
         return np.concatenate([r - s, -r - s])
 
     def band_slopes(y: FloatArray) -> Any:
-        matrix = csr_array(evaluator.slopes(np.array(y[:n])))
+        matrix = csr_array(evaluator.jacobian(np.array(y[:n]), is_central=False))
         return block_array([[matrix, minus], [-matrix, minus]], format="csr")
 
     hessian = BFGS() if curved else lambda y, v: straight
@@ -214,10 +218,10 @@ def _squares_problem(evaluator: Evaluator, x0: FloatArray, nu: Nu) -> dict[str, 
     def gradient(x: FloatArray) -> FloatArray:
         point = evaluator.point(np.array(x))
         weighted = 2.0 * point.row_weights * point.residuals
-        return np.asarray(evaluator.slopes(np.array(x)).T @ weighted + nu * x)
+        return np.asarray(evaluator.jacobian(np.array(x), is_central=False).T @ weighted + nu * x)
 
     def hessian(x: FloatArray) -> FloatArray:
-        matrix = evaluator.slopes(np.array(x))
+        matrix = evaluator.jacobian(np.array(x), is_central=False)
         weighted = (2.0 * evaluator.point(np.array(x)).row_weights)[:, None] * matrix
         return np.asarray(matrix.T @ weighted + np.diag(np.broadcast_to(nu, x.shape)))
 

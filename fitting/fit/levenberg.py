@@ -168,7 +168,7 @@ def expand(
         Exhausted: the budget does not allow them.
         FmuFailure: the model failed at more points than can be left out.
     """
-    return _side_by_side(evaluator, [_expanded(evaluator.likelihood, x, outputs) for x in xs])
+    return _side_by_side(evaluator, [_expand(evaluator.likelihood, x, outputs) for x in xs])
 
 
 def minimise(
@@ -233,7 +233,7 @@ def _side_by_side(
     return [answers[k] for k in range(len(tasks))]
 
 
-def _expanded(
+def _expand(
     likelihood: Likelihood, x: FloatArray, outputs: bool, here: Sample | None = None
 ) -> Task[Expansion]:
     """A point with its slopes; `here` is what is known there."""
@@ -260,13 +260,13 @@ def _descent(
     is_stale = is_led = is_bent = False  # slopes wanted anew, taken on the way; the valley bends
     merits: list[float] = []
     try:
-        here, is_stale = yield from _projected(likelihood, here, constraint)
+        here, is_stale = yield from _project_to_constraint(likelihood, here, constraint)
         while np.isfinite(here.chi_square) and damping <= MOST_DAMPING:
             merit = constraint.merit(here.sample)
             if merit <= goal.enough:
                 return Descent(here, reached=True)
             if is_stale:
-                fresh = yield from _expanded(likelihood, here.x, reads, here.sample)
+                fresh = yield from _expand(likelihood, here.x, reads, here.sample)
                 if not np.isfinite(fresh.chi_square):
                     return Descent(here, reached=False)
                 here, is_led, is_stale = fresh, True, False
@@ -303,7 +303,7 @@ def _descent(
                 factor = 0.1 if share > BOLD else 0.5 if share > TIMID else 2.0
                 damping = max(factor * damping, LEAST_DAMPING)
                 merits.append(merit)
-                here = _updated(likelihood, here, sample)
+                here = _broyden_update(likelihood, here, sample)
                 # as many updates as there are slopes to take cost as much as these
                 is_trusted = gain > max(TRUSTED * promised, promised - 1.0)
                 is_stale = is_bent or not is_trusted or here.age >= here.x.size
@@ -318,7 +318,7 @@ def _descent(
     return Descent(here, reached=damping > MOST_DAMPING and hope < STALLED)
 
 
-def _projected(
+def _project_to_constraint(
     likelihood: Likelihood, here: Expansion, constraint: Constraint
 ) -> Task[tuple[Expansion, bool]]:
     """A held parameter at its value, the others following, whatever that costs.
@@ -337,10 +337,10 @@ def _projected(
             break
         damping *= GROWTH**2
     is_straight = damping == LEAST_DAMPING and merit < left + 1.0
-    return _updated(likelihood, here, sample), not is_straight
+    return _broyden_update(likelihood, here, sample), not is_straight
 
 
-def _updated(likelihood: Likelihood, here: Expansion, sample: Sample) -> Expansion:
+def _broyden_update(likelihood: Likelihood, here: Expansion, sample: Sample) -> Expansion:
     """The expansion after a step: B' = B + (dr - B dx) dx^T W/(dx^T W dx).
 
     W are the inverse squares of the widths of the box.

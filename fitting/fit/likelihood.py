@@ -11,6 +11,7 @@ bounds of the campaign: intervals are conditional on them.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -201,7 +202,7 @@ class LikelihoodEvaluator:
     def __init__(
         self,
         likelihood: Likelihood,
-        limit: int = 10**9,
+        limit: float = math.inf,
         progress: Callable[[Spent], None] = lambda spent: None,
     ) -> None:
         self.likelihood = likelihood
@@ -246,13 +247,17 @@ class LikelihoodEvaluator:
         return samples
 
     @contextmanager
-    def beyond_limit(self) -> Iterator[None]:
-        """Without the limit, for as long as the context lasts: for what a result rests on."""
-        limit, self.limit = self.limit, 10**18
+    def limited(self, limit: float = math.inf) -> Iterator[None]:
+        """With another limit for as long as the context lasts; none for what a result rests on.
+
+        Args:
+            limit: simulation runs, about, at most.
+        """
+        own, self.limit = self.limit, limit
         try:
             yield
         finally:
-            self.limit = limit
+            self.limit = own
 
     @contextmanager
     def of(self, likelihood: Likelihood) -> Iterator[None]:

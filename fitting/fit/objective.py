@@ -1,5 +1,7 @@
 """What is minimised: residual rows and Tikhonov rows, kept apart; it does not know who minimises.
 
+An `Evaluator` is what a solver sees of it: values and Jacobians, remembered and counted.
+
     r_i(p) = (chi(p) z_i(p) - z*_i)/z*_i        J_fit = sum |r_i|        J_reg = nu/2 |x|^2
 
 with the search vector x = (p - p_ref)/scale. Evaluating changes nothing: points are records.
@@ -13,18 +15,24 @@ b = sqrt(2/pi) sigma: it stands beside b/2 x^2.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
-from fitting.fit.differences import Stencil, central
+from fitting.fit.differences import Stencil, central, forward
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, Response, Values
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
 
+Key = TypeVar("Key")
+Kept = TypeVar("Kept")
+
+#: Points and Jacobians that are remembered; a solver goes back by one or two iterates at most.
+REMEMBERED = 8
 #: A weight for all variables, or one for each, (n,).
 Nu = float | FloatArray
 
@@ -85,6 +93,18 @@ def j_reg(x: FloatArray, nu: Nu) -> float:
         nu: weight of the Tikhonov term, one number or (n,).
     """
     return 0.5 * float(np.sum(nu * x * x))
+
+
+def total(point: Point, nu: Nu, misfit: str) -> float:
+    """What is minimised at one point: misfit + J_reg.
+
+    Args:
+        point: residual rows at a search vector.
+        nu: weight of the Tikhonov term, one number or (n,).
+        misfit: "slack" or "absolute" (sum of absolute values), or "squares".
+    """
+    misfit_here = point.squares if misfit == "squares" else point.j_fit
+    return misfit_here + j_reg(point.x, nu)
 
 
 def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
@@ -252,3 +272,83 @@ def noise_level(objective: Objective, x: FloatArray, lengths: FloatArray) -> flo
     fourth = np.diff(rows, n=4, axis=0)
     noise = np.sqrt(np.mean(fourth**2, axis=0) / 70.0)  # 8!/(4!)^2
     return max(float(np.max(noise)), float(np.finfo(float).eps))
+
+
+# --- what a solver sees ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Objective evaluations in all (inside Jacobians too), Jacobians, simulation runs."""
+
+    evaluations: int = 0
+    jacobians: int = 0
+    runs: int = 0
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(
+            self.evaluations + other.evaluations,
+            self.jacobians + other.jacobians,
+            self.runs + other.runs,
+        )
+
+
+class Evaluator:
+    """Memory and counter in front of one objective; x outside the box is a programming error."""
+
+    def __init__(self, objective: Objective) -> None:
+        self.objective = objective
+        self.lower, self.upper = search_bounds(objective.parameters)
+        self.counts = Counts()
+        self._points: dict[bytes, Point] = {}
+        self._matrices: dict[tuple[bool, bytes], FloatArray] = {}
+
+    def point(self, x: FloatArray) -> Point:
+        """The point at x, simulated at most once while it is remembered.
+
+        Args:
+            x: search vector (n,).
+        """
+        return _remembered(self._points, x.tobytes(), lambda: self.points([x])[0])
+
+    def points(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
+        """Points at several search vectors, in one batch.
+
+        Args:
+            xs: search vectors, (n,) each.
+            whole: with predictions of everything that was measured.
+        """
+        points = evaluate_many(self.objective, xs, whole=whole) if xs else []
+        self.counts += Counts(evaluations=len(xs), runs=sum(point.runs for point in points))
+        if whole:
+            self._points.update((point.x.tobytes(), point) for point in points)
+        return points
+
+    def jacobian(self, x: FloatArray, *, is_central: bool = True) -> FloatArray:
+        """dr/dx at x, shape (n_rows, n), one batch.
+
+        Args:
+            x: search vector (n,).
+            is_central: by central differences, else by forward ones: half the evaluations, to solve
+                by.
+        """
+
+        def quotients() -> FloatArray:
+            self.counts += Counts(jacobians=1)
+            if is_central:
+                around = stencil(self.objective, x)
+                return jacobian_of(around, self.points(around.nodes))
+            here, around = self.point(x), forward(x, self.objective.steps, self.upper)
+            return jacobian_of(around, [here, *self.points(around.nodes[1:])])
+
+        return _remembered(self._matrices, (is_central, x.tobytes()), quotients)
+
+
+def _remembered(memory: dict[Key, Kept], key: Key, evaluate: Callable[[], Kept]) -> Kept:
+    """What the memory holds, else evaluated; of more than a few the oldest goes."""
+    if key not in memory:
+        value = evaluate()
+        if len(memory) >= REMEMBERED:
+            memory.pop(next(iter(memory)))
+        memory[key] = value
+    return memory[key]

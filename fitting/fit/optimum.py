@@ -63,12 +63,6 @@ class Optimum:
         """Chi square (inflated, priors included) at the optimum."""
         return self.expansion.chi_square
 
-    @property
-    def data_square(self) -> float:
-        """Chi square of the data at the optimum itself, by the noise as it is stated."""
-        rows = self.expansion.sample.rows[: self.likelihood.data_rows]
-        return self.likelihood.inflation**2 * float(rows @ rows)
-
     def delta(self, chi_square: float, freedom: float | None = None) -> float:
         """Dchi^2 of a point, as improbable as of noise that is known (`normal_square`).
 
@@ -127,11 +121,14 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
     stated = evaluator.likelihood
     result = _with_noise(evaluator, starts)
     for _ in range(ONCE_MORE):
-        if result.data_square > result.chi_square - MISSED:
+        data = result.expansion.sample.rows[: result.likelihood.data_rows]
+        # at the optimum itself, by the noise as it is stated
+        square = result.likelihood.inflation**2 * float(data @ data)
+        if square > result.chi_square - MISSED:
             break
         evaluator.likelihood = stated
         result = _with_noise(evaluator, [result.expansion.x])
-    with evaluator.beyond_limit():  # outputs and their slopes rest on it
+    with evaluator.limited():  # outputs and their slopes rest on it
         return replace(result, expansion=with_outputs(evaluator, result.expansion))
 
 
@@ -260,7 +257,7 @@ def _best_of(
 ) -> tuple[Expansion, bool]:
     """The lowest end of searches from several starts, and whether it is a minimum."""
     # whatever begins later begins where something was found, which is not to be lost
-    with evaluator.beyond_limit() if evaluator.evaluations else nullcontext():
+    with evaluator.limited() if evaluator.evaluations else nullcontext():
         try:
             started = expand(evaluator, starts, outputs=False)
         except Exhausted:

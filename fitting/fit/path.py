@@ -15,14 +15,13 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, canonical, search_bounds, starts, to_search
-from fitting.fit.evaluator import Counts, Evaluator, total
 from fitting.fit.interior_point import Solve, inside, second_value, solve
-from fitting.fit.objective import Objective, j_reg, weights
+from fitting.fit.objective import Counts, Evaluator, Objective, j_reg, total, weights
 from fitting.fit.options import Options
 from fitting.fit.outputs import mean
 from fitting.fit.search import Box
@@ -290,25 +289,30 @@ def history_rows(course: Course, levels: Sequence[PathLevel]) -> tuple[HistoryRo
     """
     if not levels:
         return ()
-    objective, evaluator = course.objective, Evaluator(course.objective)
-    x = own_start(objective.parameters)
-    misfit, nu = course.options.misfit, course.options.schedule.nu(0)
-    point, pull = evaluator.point(x), weights(objective, nu, misfit)
-    nothing: dict[str, Any] = {each.name: math.nan for each in fields(Level)}
-    counts = {"iterations": 0, "evaluations": 0, "seconds": 0.0}
-    j = {"j_fit": total(point, 0.0, misfit), "j_reg": j_reg(x, pull)}
-    where = {"level": -1, "status": "start", "message": "where the levels begin"}
-    rows = [{**nothing, **counts, **j, **where}]
-    rows += [{each.name: getattr(level, each.name) for each in fields(Level)} for level in levels]
+    objective, misfit = course.objective, course.options.misfit
+    point = Evaluator(objective).point(own_start(objective.parameters))
+    start = Level(
+        level=-1,
+        nu=math.nan,
+        j_fit=total(point, 0.0, misfit),
+        j_reg=j_reg(point.x, weights(objective, course.options.schedule.nu(0), misfit)),
+        change=math.nan,
+        optimality=math.nan,
+        status="start",
+        message="where the levels begin",
+        iterations=0,
+        evaluations=0,
+        seconds=0.0,
+    )
     places = [point.parameters, *(np.array(level.parameters) for level in levels)]
     outputs = objective.response.derived_many(places)
     return tuple(
         HistoryRow(
             parameters=named(objective.parameters, p),
             derived={name: mean(values) for name, values in there.items()},
-            **row,
+            **{each.name: getattr(row, each.name) for each in fields(Level)},
         )
-        for row, p, there in zip(rows, places, outputs, strict=True)
+        for row, p, there in zip([start, *levels], places, outputs, strict=True)
     )
 
 

@@ -16,10 +16,9 @@ from fitting.campaign.parameters import (
     to_search,
 )
 from fitting.fit.covariance import WhitenedErrors
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.linearisation import Linearisation, linearise
 from fitting.fit.noise import RowNoise, fitted_noise
-from fitting.fit.objective import Objective, Point, j_reg
+from fitting.fit.objective import Evaluator, Objective, Point, j_reg
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.text.arrays import FloatArray
 

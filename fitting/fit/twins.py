@@ -20,8 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
-from fitting.fit.evaluator import Evaluator
-from fitting.fit.objective import Objective
+from fitting.fit.objective import Evaluator, Objective
 from fitting.fit.search import Box
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import FmuFailure, NoAnswer, NoScale

@@ -5,6 +5,7 @@
       <Reduction name="..." bound="{output}_error" cost="0.5">
         <Set name="..." value="..."/>
       </Reduction>
+      <Reduction name="..." bound="..." slow="true"><Set name="..." value="..."/></Reduction>
       <Reduction name="..." start="true"><Set name="..." value="..."/></Reduction>
     </Accuracy></Tool></VendorAnnotations>
 
@@ -51,6 +52,8 @@ class Reduction(Keys, Generic[Setting]):
     """FMU output that bounds what is left out; {output} is the observed one."""
     start: Switch = False
     """Whether it sets the start state alone, and the model is whole."""
+    slow: Switch = False
+    """Whether steps of the solver then follow the beats of the tones, and not their periods."""
     cost: Positive = 0.5
     """Part of a run's work that is left, where processor time is not reported."""
 
@@ -178,6 +181,7 @@ def read_accuracy_annotation(description: FmuDescription) -> AccuracyAnnotation:
                 bound=part.get("bound"),
                 cost=share,
                 start=part.get("start") == "true",
+                slow=part.get("slow") == "true",
             )
         )
     return AccuracyAnnotation(

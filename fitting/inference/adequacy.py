@@ -17,8 +17,8 @@ explain: it is in the intervals then, and no fault of the model.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaincc
@@ -45,31 +45,17 @@ RESOLVED = 1.0
 MOST_TAKEN = 0.25
 
 
-@dataclass(frozen=True)
-class _Along:
+class _Along(NamedTuple):
     """Residuals of a curve in the order of its axis, or of all curves of a measurement in turn.
 
-    Args:
-        name: of the curve; of all of them, that of the measurement.
-        rows: numbers of the rows, shape (n,).
-        white: residuals over their noise, shape (n,).
-        share: of a residual over the largest amplitude of its curve, shape (n,).
+    `name` of the curve; of all of them, that of the measurement. `rows` (n,) are the numbers of the
+    rows, `white` residuals over their noise, `share` of a residual over the largest amplitude.
     """
 
     name: str
     rows: IntArray
     white: FloatArray
     share: FloatArray
-
-    @classmethod
-    def of_all(cls, name: str, curves: Sequence[_Along]) -> _Along:
-        """Curves of one measurement, one after the other."""
-        return cls(
-            name,
-            np.concatenate([curve.rows for curve in curves]),
-            np.concatenate([curve.white for curve in curves]),
-            np.concatenate([curve.share for curve in curves]),
-        )
 
 
 def adequacy_of(
@@ -168,8 +154,10 @@ def _along_curves(
             white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
             each.append(_Along(name, mine, white, curve.share))
         asked += each
-        if len(each) > 1:  # what every sweep of a map has too weakly to be told alone
-            asked.append(_Along.of_all(m.series, each))
+        # what every sweep of a map has too weakly to be seen alone; peaks have no common axis
+        if len(each) > 1 and m.is_curve:
+            columns = zip(*(curve[1:] for curve in each), strict=True)
+            asked.append(_Along(m.series, *map(np.concatenate, columns)))
     correlated = np.zeros(rows.size, dtype=bool)
     worst, name, highest, others = Correlation(), "", -1.0, [1.0]
     for along in asked:

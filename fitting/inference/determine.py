@@ -12,12 +12,12 @@ import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fitting.campaign.parameters import canonical, to_model
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import Status
 from fitting.fit.levenberg import Goal, expand, minimise
 from fitting.fit.likelihood import (
@@ -29,10 +29,11 @@ from fitting.fit.likelihood import (
     likelihood_of,
 )
 from fitting.fit.noise import RowNoise
-from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.objective import Evaluator, Objective, evaluate_many
 from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.outputs import output_means
-from fitting.fit.search import POINTS, screened
+from fitting.fit.problem import Problem
+from fitting.fit.search import search_box
 from fitting.fit.twins import (
     Twin,
     find_twins,
@@ -52,10 +53,8 @@ from fitting.inference.likelihood.knowledge import (
     Knowledge,
     Profile,
 )
-from fitting.inference.likelihood.profile import Scans
 from fitting.inference.likelihood.ranges import output_ranges
-from fitting.inference.likelihood.scan import scanned
-from fitting.inference.statuses import Basis
+from fitting.inference.likelihood.scan import scan_profiles
 from fitting.inference.statuses import profiles as profiles_of
 from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray
@@ -68,8 +67,6 @@ _log = logging.getLogger(__name__)
 
 #: Decrease of chi square from which inference begins anew at the better point, and how often.
 BETTER, ANEW = 1.0, 3
-#: Screens of the bounds where no search was made before.
-SCREENS = 2
 #: Chi square above the least, in units of the 95 % threshold, up to which a minimum of the search,
 #: whose noise was estimated elsewhere, is gone on from.
 NEAR = 4.0
@@ -139,17 +136,25 @@ def determine(
     # symmetries of the model and of samples, and those that priors break: other minima begin there
     search = Evaluator(objective)
     exact = find_twins(search, options.seed) if options.twins is None else options.twins
-    sampled = sampling_twins(objective.parameters, _rates_hz(objective))
+    rates_hz = [rate for m in objective.data.measurements for rate in m.sampled_hz]
+    sampled = sampling_twins(objective.parameters, rates_hz)
     twins = [*exact, *twins_but_for_priors(search, options.seed), *sampled]
-    evaluator = _evaluator(objective, solution, noise, options)
+    # the likelihood of the data, or of what the model gives at the solution
+    names = tuple(output_means(objective.response, objective.parameters, [solution]))
+    likelihood = likelihood_of(objective, noise, names)
+    [point] = evaluate_many(objective, [solution])
+    if not options.data:
+        likelihood = replace(likelihood, shift=point.residuals, scatter=np.empty(0))
+    limit = usual_budget(point.runs) if options.budget is None else options.budget
+    evaluator = LikelihoodEvaluator(likelihood, limit, options.progress)
 
     evaluator.begin(Stage.MINIMA)
     optimum = most_likely(evaluator, [solution, *options.others])
-    optimum, minima = _lowest(evaluator, optimum, twins, options)
+    optimum, minima = _lowest_minimum(evaluator, optimum, twins, options)
     adequacy = _adequacy(optimum, options)
     if not adequacy.describes and options.minima is not None and not options.minima:
         # without a search nothing shows that it is the model, and not where the fit began
-        optimum, minima = _lowest(evaluator, optimum, twins, replace(options, minima=None))
+        optimum, minima = _lowest_minimum(evaluator, optimum, twins, replace(options, minima=None))
         adequacy = _adequacy(optimum, options)
     if evaluator.cuts and not optimum.converged and not adequacy.describes:
         raise OutOfBudget(
@@ -162,48 +167,38 @@ def determine(
         optimum.degrees_of_freedom,
     )
     if not adequacy.describes:
-        return _determined(evaluator, optimum, adequacy, {}, (), options)
+        return _assemble(evaluator, optimum, adequacy, {}, (), options)
 
     evaluator.begin(Stage.SCANS)
-    scans = _scanned(evaluator, optimum, minima, exact, options)
-    for _ in range(ANEW):
-        better = _better(scans)
-        if better is None:
+    for attempt in range(ANEW + 1):
+        response, x = optimum.likelihood.objective.response, optimum.expansion.x
+        ranges = output_ranges(response, optimum.likelihood.parameters, options.seed, [x])
+        scans = scan_profiles(evaluator, optimum, ranges, minima, options.only, exact)
+        better = min(scans.shared, key=lambda each: each.delta, default=None)
+        if attempt == ANEW or better is None or not better.delta < -BETTER:
             break
         # what was the most likely point remains a minimum that may fit
-        known = [*(options.minima or ()), optimum.expansion.x, *(m.x for m in minima)]
-        options = replace(options, minima=known)
+        options = replace(options, minima=[*(options.minima or ()), x, *(m.x for m in minima)])
         evaluator.likelihood = optimum.likelihood.stated
-        optimum = most_likely(evaluator, [better])
-        optimum, minima = _lowest(evaluator, optimum, twins, options)
-        scans = _scanned(evaluator, optimum, minima, exact, options)
-    adequacy = _adequacy(optimum, options)
-    separate = identifiability.equivalents(scans)
-    separate = identifiability.with_values_nearby(evaluator, scans, twins, separate)
+        optimum = most_likely(evaluator, [better.x])
+        optimum, minima = _lowest_minimum(evaluator, optimum, twins, options)
+    separate = identifiability.equivalents(evaluator, scans, twins)
     equivalents = (*separate, *options.alternatives)
-    basis = Basis(equivalents=equivalents, units=options.units, redundant=is_redundant(optimum))
-    profiles = profiles_of(scans, basis)
+    redundant = is_redundant(optimum)
+    profiles = profiles_of(scans, equivalents, options.units, is_redundant=redundant)
     if options.only:  # an output without a value is not asked for either
         profiles = {name: p for name, p in profiles.items() if name in options.only}
-    return _determined(evaluator, optimum, adequacy, profiles, equivalents, options)
+    adequacy = _adequacy(optimum, options)
+    return _assemble(evaluator, optimum, adequacy, profiles, equivalents, options)
 
 
-def _rates_hz(objective: Objective) -> list[float]:
-    """Rates of the samples of all measurements that show frequencies up to multiples of them."""
-    return [rate for m in objective.data.measurements for rate in m.sampled_hz]
+def shared_values(problem: Problem) -> tuple[str, ...]:
+    """Names of the values that no single experiment has of its own.
 
-
-def _evaluator(
-    objective: Objective, solution: FloatArray, noise: RowNoise, options: InferenceOptions
-) -> LikelihoodEvaluator:
-    """Of the likelihood of the data, or of what the model gives at the solution."""
-    names = tuple(output_means(objective.response, objective.parameters, [solution]))
-    likelihood = likelihood_of(objective, noise, names)
-    [point] = evaluate_many(objective, [solution])
-    if not options.data:
-        likelihood = replace(likelihood, shift=point.residuals, scatter=np.empty(0))
-    limit = usual_budget(point.runs) if options.budget is None else options.budget
-    return LikelihoodEvaluator(likelihood, limit, options.progress)
+    Args:
+        problem: parameters and measurements.
+    """
+    return (*(p.name for p in problem.parameters if not p.experiments), *problem.outputs)
 
 
 def _adequacy(optimum: Optimum, options: InferenceOptions) -> Adequacy:
@@ -211,7 +206,7 @@ def _adequacy(optimum: Optimum, options: InferenceOptions) -> Adequacy:
     return adequacy_of(optimum, options.structure, options.closer, options.scale_off)
 
 
-def _lowest(
+def _lowest_minimum(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
     twins: Sequence[Twin],
@@ -219,18 +214,30 @@ def _lowest(
 ) -> tuple[Optimum, list[Sample]]:
     """The most likely point, and other minima that fit; both of the search that was made.
 
-    Where none was made the bounds are searched once, unless the model describes assumed data.
+    Where none was made the bounds are searched once, unless the model describes assumed data. Of
+    points that are as likely one is taken that has a value of every output.
     """
-    known = options.minima
-    if known is None:
-        known = _searched(evaluator, options) if options.data else ()
+    known = list(options.minima or ())
+    if options.minima is None and options.data:
+        # no more than half of what is left: the rest is for the intervals
+        with evaluator.limited(0.5 * (evaluator.spent + evaluator.limit)), suppress(Exhausted):
+            known = [minimum.x for minimum in search_box(evaluator, [], options.seed, 0)[0]]
     for _ in range(ANEW):
         parameters, x = optimum.likelihood.parameters, optimum.expansion.x
         images = [image for twin in twins if (image := twin.of(parameters, x)) is not None]
-        minima = _let_down(evaluator, optimum, [*images, *known])
+        minima = _minima_that_fit(evaluator, optimum, [*images, *known])
         lower = next(iter(minima), None)
         if lower is None or not float(lower.rows @ lower.rows) < optimum.least - BETTER:
-            lower = _with_every_output(evaluator, optimum, minima)
+            lower, alike = None, []
+            if not np.all(np.isfinite(optimum.expansion.sample.outputs)):
+                alike = [m for m in minima if optimum.delta(float(m.rows @ m.rows)) < BETTER]
+            try:
+                xs = tuple(m.x for m in alike)
+                [read] = evaluator([Request(xs, rows=False)]) if alike else [[]]
+            except Exhausted:
+                alike, read = [], []
+            pairs = zip(alike, read, strict=True)
+            lower = next((m for m, there in pairs if np.all(np.isfinite(there.outputs))), None)
         if lower is None:
             break
         evaluator.likelihood = optimum.likelihood.stated
@@ -239,39 +246,10 @@ def _lowest(
     return optimum, minima
 
 
-def _with_every_output(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, minima: Sequence[Sample]
-) -> Sample | None:
-    """A minimum that is as likely and has a value of every output, where the optimum has not."""
-    if np.all(np.isfinite(optimum.expansion.sample.outputs)):
-        return None
-    alike = [m for m in minima if optimum.delta(float(m.rows @ m.rows)) < BETTER]
-    try:
-        [read] = evaluator([Request(tuple(m.x for m in alike), rows=False)]) if alike else [[]]
-    except Exhausted:
-        return None
-    pairs = zip(alike, read, strict=True)
-    return next((m for m, sample in pairs if np.all(np.isfinite(sample.outputs))), None)
-
-
-def _searched(evaluator: LikelihoodEvaluator, options: InferenceOptions) -> list[FloatArray]:
-    """Minima of a short search of the bounds, where none was made before."""
-    try:
-        begins = [
-            x
-            for screen in range(SCREENS)
-            for x in screened(evaluator, options.seed, skip=POINTS * screen)
-        ]
-        started = expand(evaluator, begins, outputs=False) if begins else []
-    except Exhausted:
-        return []
-    return [end.end.x for end in minimise(evaluator, started)]
-
-
-def _let_down(
+def _minima_that_fit(
     evaluator: LikelihoodEvaluator, optimum: Optimum, begins: Sequence[FloatArray]
 ) -> list[Sample]:
-    """Points that fit, of some that a search found; from those that nearly do a search goes on."""
+    """Points apart from the optimum that fit; from those that nearly do a search goes on."""
     threshold = ROOT_95**2
 
     def delta(sample: Sample) -> float:
@@ -289,38 +267,15 @@ def _let_down(
     fit += [end.end.sample for end in minimise(evaluator, started, goal=goal)]
     apart: list[Sample] = []
     for sample in sorted(fit, key=delta):
-        gaps = [
-            identifiability.gap(optimum.likelihood, sample.x, place)
-            for place in (optimum.expansion.x, *(other.x for other in apart))
-        ]
+        places = [optimum.expansion.x, *(other.x for other in apart)]
+        gaps = [identifiability.gap(optimum.likelihood, sample.x, place) for place in places]
         is_other = all(np.any(gap > identifiability.SAME) for gap in gaps)
         if delta(sample) <= threshold and (is_other or delta(sample) < -BETTER):
             apart.append(sample)
     return apart
 
 
-def _scanned(
-    evaluator: LikelihoodEvaluator,
-    optimum: Optimum,
-    minima: Sequence[Sample],
-    twins: Sequence[Twin],
-    options: InferenceOptions,
-) -> Scans:
-    """Intervals of all values that are wanted, about one optimum."""
-    likelihood = optimum.likelihood
-    ranges = output_ranges(
-        likelihood.objective.response, likelihood.parameters, options.seed, [optimum.expansion.x]
-    )
-    return scanned(evaluator, optimum, ranges, minima, options.only, twins)
-
-
-def _better(scans: Scans) -> FloatArray | None:
-    """A shared point that is clearly more likely than the optimum; None without one."""
-    lowest = min(scans.shared, key=lambda point: point.delta, default=None)
-    return lowest.x if lowest is not None and lowest.delta < -BETTER else None
-
-
-def _determined(
+def _assemble(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
     adequacy: Adequacy,
@@ -342,7 +297,8 @@ def _determined(
         evaluator.begin(Stage.REFITS)
         drawn = (options.bootstrap, options.seed, options.executor)
         resampled = bootstrap_of(optimum, values, *drawn, options.progress)
-    objective, parameters = optimum.likelihood.objective, optimum.likelihood.parameters
+    likelihood, data = optimum.likelihood, optimum.likelihood.objective.data
+    parameters = likelihood.parameters
     here = canonical(parameters, to_model(parameters, optimum.expansion.x))
     knowledge = Knowledge(
         data=options.data,
@@ -350,7 +306,7 @@ def _determined(
         freedom=optimum.degrees_of_freedom,
         adequacy=adequacy,
         most_likely={p.name: float(v) for p, v in zip(parameters, here, strict=True)},
-        inflation=optimum.likelihood.inflation,
+        inflation=likelihood.inflation,
         scans={name: p.scan for name, p in profiles.items()},
         directions=directions,
         without_effect=idle,
@@ -360,20 +316,20 @@ def _determined(
         of_experiments=tuple(p.name for p in parameters if p.experiments),
         bootstrap=resampled,
     )
+    rates_hz = [rate for m in data.measurements for rate in m.sampled_hz]
     return Determined(
         parameters={n: v for n, v in values.items() if isinstance(v, ParameterEstimate)},
         derived={n: v for n, v in values.items() if isinstance(v, OutputEstimate)},
         findings=(
-            *sampling_findings(_rates_hz(objective), values, equivalents),
-            *identifiability.bound_findings(profiles),
-            *identifiability.incomplete_findings(profiles),
+            *sampling_findings(rates_hz, values, equivalents),
+            *identifiability.scan_findings(profiles),
         ),
         knowledge=knowledge,
         ending=ending_of(
             Status.CONVERGED if adequacy.describes else Status.MISFIT,
             adequacy,
-            inflation=optimum.likelihood.inflation,
+            inflation=likelihood.inflation,
             structure=options.structure,
-            data=objective.data,
+            data=data,
         ),
     )

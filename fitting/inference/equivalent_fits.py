@@ -9,7 +9,7 @@ from fitting.campaign.parameters import to_model
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
-from fitting.fit.optimum import Optimum, most_likely
+from fitting.fit.optimum import most_likely
 from fitting.fit.outputs import output_means
 from fitting.inference.likelihood.knowledge import Equivalent, Values
 from fitting.text.arrays import FloatArray, Scalar
@@ -65,49 +65,34 @@ def equivalent_findings(values: Values) -> tuple[Finding, ...]:
     Args:
         values: of the fit; without profiles nothing is known of other fits.
     """
-    if values.knowledge is None:
-        return ()
-    found = []
-    for other in values.knowledge.equivalents:
-        names = _printed(values, other)
-        found.append(
+    findings, scans = [], values.scans
+    known = {name: value for name, value in values.parameters.items() if name in scans}
+    for other in () if values.knowledge is None else values.knowledge.equivalents:
+        there = {name: value for name, value in other.parameters.items() if name in known}
+        far = {
+            name: abs(value - known[name].likely) / scans[name].sigma
+            for name, value in there.items()
+            if scans[name].sigma > 0.0
+        }
+        farthest = max(there, key=lambda name: far.get(name, 0.0), default="")
+        # values that the data constrain are worth printing; where none differs, as they are
+        # unconstrained anyway, there is nothing to act on
+        printed = tuple(name for name in there if known[name].status.has_value)
+        names = {
+            "values": printed,
+            "units": tuple(known[name].unit for name in printed),
+            "alternative": (other.where,) if other.where else (),
+        }
+        findings.append(
             Finding(
                 kind=Kind.equivalent_solution,
-                # nothing to act on where it differs in values that are unconstrained anyway
-                severity="warning" if other.possible and names["values"] else "note",
-                subject=other.where or _farthest(values, other),
+                severity="warning" if other.possible and printed else "note",
+                subject=other.where or farthest,
                 numbers={**other.parameters, "delta_chi2": other.delta},
                 names=names,
             )
         )
-    return tuple(found)
-
-
-def _printed(values: Values, other: Equivalent) -> dict[str, tuple[str, ...]]:
-    """Names and units of the values that are worth printing: the data constrain them."""
-    known = _profiled(values)
-    names = tuple(n for n in other.parameters if n in known and known[n].status.has_value)
-    return {
-        "values": names,
-        "units": tuple(known[n].unit for n in names),
-        "alternative": (other.where,) if other.where else (),
-    }
-
-
-def _farthest(values: Values, other: Equivalent) -> str:
-    """The parameter whose value at another fit is the most standard errors away."""
-    known = _profiled(values)
-
-    def off(name: str) -> float:
-        sigma = values.scans[name].sigma
-        far = abs(other.parameters[name] - known[name].likely)
-        return far / sigma if sigma > 0.0 else 0.0
-
-    return max((n for n in other.parameters if n in known), key=off, default="")
-
-
-def _profiled(values: Values) -> dict[str, FittedEstimate]:
-    return {name: value for name, value in values.parameters.items() if name in values.scans}
+    return tuple(findings)
 
 
 def equal_fit(
@@ -124,16 +109,20 @@ def equal_fit(
         settings: of the other alternative, by name.
         noise: of the rows.
     """
-    found = [
+    own, there = (
         most_likely(LikelihoodEvaluator(likelihood_of(objective, noise)), begins)
         for objective, begins in (here, other)
-    ]
-    own, there = found
-    delta = _delta(own, there)
+    )
+    # chi square over that of this model, both in the wider noise of the two
+    wide = max(own.likelihood.inflation, there.likelihood.inflation)
+    sizes = [each.likelihood.noise.log_determinant for each in (own, there)]
+    if sizes[0] == sizes[1]:
+        delta = own.calibrated((there.chi_square - own.chi_square) / wide**2)
+    else:  # noise that residuals tell is another one there: -2 ln of the likelihoods' ratio
+        delta = (sizes[1] + there.chi_square - sizes[0] - own.chi_square) / wide**2
     if delta > ROOT_95**2:
         return None
-    objective = other[0]
-    x = there.likelihood.folded(there.expansion.x)
+    objective, x = other[0], there.likelihood.folded(there.expansion.x)
     outputs = output_means(objective.response, objective.parameters, [x])
     named = zip(objective.parameters, to_model(objective.parameters, x), strict=True)
     return Equivalent(
@@ -143,17 +132,6 @@ def equal_fit(
         origin="alternative",
         where=settings_words(settings),
     )
-
-
-def _delta(own: Optimum, there: Optimum) -> float:
-    """Chi square of another model over that of this one, both in the wider noise of the two."""
-    wide = max(own.likelihood.inflation, there.likelihood.inflation)
-    mine = own.likelihood.noise.log_determinant
-    other = there.likelihood.noise.log_determinant
-    if mine == other:
-        return own.calibrated((there.chi_square - own.chi_square) / wide**2)
-    # noise that residuals tell is another one there: -2 ln of the likelihoods' ratio
-    return float(other + there.chi_square - mine - own.chi_square) / wide**2
 
 
 #: How far two frequencies may be from a whole number of rates apart, as a share of the rate.
@@ -174,28 +152,20 @@ def sampling_findings(
     """
     for rate in dict.fromkeys(rates_hz):
         for name, value in values.items():
-            found = sorted(_turns(name, value, rate, equivalents))
-            if found:
-                alike = (name, *(_shifted(name, turns, rate) for turns in found))
+            if value.unit != "Hz" or value.role != "parameter":
+                continue
+            there = [other.parameters[name] for other in equivalents if name in other.parameters]
+            off = [(each - value.likely) / rate for each in there]
+            turns = {round(each) for each in off if abs(each - round(each)) < WHOLE} - {0}
+            if turns:
+                shifted = (
+                    f"{name} {'+' if turn > 0 else '−'} {number(abs(turn) * rate)} Hz"
+                    for turn in sorted(turns)
+                )
                 yield Finding(
                     kind=Kind.sampling_ambiguity,
                     severity="warning",
                     subject=name,
                     numbers={"rate_hz": rate},
-                    names={"frequencies": alike},
+                    names={"frequencies": (name, *shifted)},
                 )
-
-
-def _turns(
-    name: str, value: FittedEstimate, rate: float, equivalents: Sequence[Equivalent]
-) -> set[int]:
-    """By how many rates the values of equal fits are off."""
-    if value.unit != "Hz" or value.role != "parameter":
-        return set()
-    there = [other.parameters[name] for other in equivalents if name in other.parameters]
-    off = [(each - value.likely) / rate for each in there]
-    return {round(each) for each in off if round(each) and abs(each - round(each)) < WHOLE}
-
-
-def _shifted(name: str, turns: int, rate: float) -> str:
-    return f"{name} {'+' if turns > 0 else '−'} {number(abs(turns) * rate)} Hz"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,8 +19,22 @@ from fitting.measurements.dataset import places_of_outputs
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import OffsetEstimate, OutputEstimate, ParameterEstimate, Verdict
+from fitting.text.estimate import (
+    FittedEstimate,
+    OffsetEstimate,
+    OutputEstimate,
+    ParameterEstimate,
+    Verdict,
+)
 from fitting.text.rendering import phrase
+
+#: What a profile gives an estimate.
+BY_PROFILE = (
+    *("std", "ci68", "ci95", "shrinkage", "status", "simulation", "reason", "method"),
+    *("closed_by", "active_bounds"),
+)
+
+Fitted = TypeVar("Fitted", bound=FittedEstimate)
 
 #: Step in x for the slopes of derived outputs, at most a quarter of the bounds' distance.
 OUTPUT_STEP = 1e-4
@@ -89,40 +103,27 @@ def outputs_of(solution: Solution) -> Outputs:
     return Outputs(points, tuple(values), stencil, secants)
 
 
-@dataclass(frozen=True)
-class _Error:
-    """Half of the 68 % and 95 % intervals of a value, with its simulation's error, and shrinkage.
+def _errors(solution: Solution, gradient: FloatArray) -> tuple[dict[str, Any], float, float]:
+    """Fields of an estimate by its slope, and half of its 68 % and 95 % intervals, NaN without one.
 
-    Student's where the residuals estimate the noise; NaN without a slope.
+    Student's where the residuals estimate the noise. The fields have no error where the data do not
+    determine the value.
     """
-
-    std: float
-    half: float
-    shift: float
-    shrinkage: float
-
-    @property
-    def is_determined(self) -> bool:
-        return self.shrinkage >= DETERMINED
-
-    @property
-    def about(self) -> dict[str, Any]:
-        """Fields of an estimate; no error where the data do not determine the value."""
-        return {
-            "std": self.std if self.is_determined else math.nan,
-            "shrinkage": self.shrinkage,
-            "status": Verdict.LINEARISED if self.is_determined else Verdict.UNKNOWN,
-            "simulation": self.shift,
-        }
-
-
-def _error(solution: Solution, gradient: FloatArray) -> _Error:
-    if not np.all(np.isfinite(gradient)):
-        return _Error(math.nan, math.nan, 0.0, 0.0)
-    std, shrinkage = solution.errors.of(gradient)
-    freedom, shift = solution.errors.freedom_of(gradient), solution.errors.shift(gradient)
-    half68, half95 = (reach(root, freedom) * std + shift for root in (ROOT_68, ROOT_95))
-    return _Error(half68, half95, shift, shrinkage)
+    std = half = math.nan
+    shift = shrinkage = 0.0
+    if np.all(np.isfinite(gradient)):
+        errors = solution.errors
+        sigma, shrinkage = errors.of(gradient)
+        freedom, shift = errors.freedom_of(gradient), errors.shift(gradient)
+        std, half = reach(ROOT_68, freedom) * sigma + shift, reach(ROOT_95, freedom) * sigma + shift
+    is_determined = shrinkage >= DETERMINED
+    fields = {
+        "std": std if is_determined else math.nan,
+        "shrinkage": shrinkage,
+        "status": Verdict.LINEARISED if is_determined else Verdict.UNKNOWN,
+        "simulation": shift,
+    }
+    return fields, std, half
 
 
 def parameter_results(solution: Solution, estimates: Estimates) -> dict[str, ParameterEstimate]:
@@ -139,17 +140,18 @@ def parameter_results(solution: Solution, estimates: Estimates) -> dict[str, Par
     for i, p in enumerate(parameters):
         if p.experiments:
             continue
-        error = _error(solution, p.scale * np.eye(len(parameters))[i])
+        error, _, half = _errors(solution, p.scale * np.eye(len(parameters))[i])
         # within the bounds, moved with the value into its canonical period
         raw, turn = float(estimates.best[i]), float(shown[i] - estimates.best[i])
-        low = min(max(raw - error.half, p.lower), raw)
-        high = max(min(raw + error.half, p.upper), raw)
-        whole = p.period is not None and high - low >= p.period
+        low, high = min(max(raw - half, p.lower), raw), max(min(raw + half, p.upper), raw)
+        ci95 = (low + turn, high + turn)
+        if p.period is not None and high - low >= p.period:
+            ci95 = (0.0, float(p.period))
         results[p.name] = ParameterEstimate(
             name=p.name,
             value=float(reported[i]),
             unit=p.unit,
-            ci95=(0.0, float(p.period or 0.0)) if whole else (low + turn, high + turn),
+            ci95=ci95,
             reference=p.reference,
             start=p.start,
             lower=p.lower,
@@ -159,7 +161,7 @@ def parameter_results(solution: Solution, estimates: Estimates) -> dict[str, Par
             period=p.period,
             reason=phrase("status", "no_profile"),
             asked=p.moves_model,
-            **error.about,
+            **error,
         )
     return results
 
@@ -176,36 +178,30 @@ def derived_results(
         units: of the outputs, by name.
         seed: of the random numbers.
     """
-    parameters, response = solution.parameters, solution.objective.response
-    ranges = output_ranges(response, parameters, seed, outputs.points)
+    response, results = solution.objective.response, {}
+    ranges = output_ranges(response, solution.parameters, seed, outputs.points)
     papers = [estimates.paper] if np.all(np.isfinite(estimates.paper)) else []
     asked = [estimates.reported, estimates.best, *papers]
     reported, likely, *of_paper = response.derived_many(asked)
     read_at = places_of_outputs(solution.objective.data.measurements)
     places = tuple(label for each in read_at.values() for label, _ in each)
-    results = {}
     for name, values in reported.items():
         means = outputs.means(name)
         best, low, high = mean(likely[name]), ranges[name].low, ranges[name].high
-        error = _error(solution, outputs.gradient(name, secants=True))
-        if not np.isfinite(best):
-            error = _Error(math.nan, math.nan, 0.0, 0.0)
-        elif not error.is_determined:
-            error = _Error(math.nan, math.nan, 0.0, error.shrinkage)
+        gradient = outputs.gradient(name, secants=True)
+        slope = gradient if math.isfinite(best) else gradient * math.nan
+        error, _, half = _errors(solution, slope)
         # within what the model allows; without data all of it
-        ci95 = low, high
-        if np.isnan(best):
-            ci95 = math.nan, math.nan
-        elif not np.isnan(error.half):
-            ci95 = (
-                min(max(best - error.half, low), best),
-                max(min(best + error.half, high), best),
-            )
+        ci95 = (low, high) if math.isfinite(best) else (math.nan, math.nan)
+        if error["status"] is Verdict.LINEARISED:
+            ci95 = min(max(best - half, low), best), max(min(best + half, high), best)
+        else:
+            error["simulation"] = 0.0
         # of a value of its own at each place
         each = len(places) == values.size > 1
         around = [answer[name] for answer in outputs.values[2:]]
         slopes = outputs.secants.quotients(around) if each else ()
-        errors = [_error(solution, slope) for slope in slopes]
+        errors = [_errors(solution, slope) for slope in slopes]
         results[name] = OutputEstimate(
             name=name,
             value=mean(values),
@@ -220,9 +216,11 @@ def derived_results(
             most_likely=best,
             reason=phrase("status", "no_profile"),
             places=places if each else (),
-            stds=tuple(e.std if e.is_determined else math.nan for e in errors),
-            halves95=tuple(e.half if e.is_determined else math.nan for e in errors),
-            **error.about,
+            stds=tuple(own["std"] for own, _, _ in errors),
+            halves95=tuple(
+                end if own["status"] is Verdict.LINEARISED else math.nan for own, _, end in errors
+            ),
+            **error,
         )
     return results
 
@@ -238,26 +236,61 @@ def offset_results(solution: Solution, estimates: Estimates) -> dict[str, Offset
     """
     parameters, results = solution.parameters, {}
     targets = [p.adds_to or (p.target,) for p in parameters]
+    scales = np.array([p.scale for p in parameters])
     for i, p in enumerate(parameters):
         if p.experiment is None:
             continue
         alike = [k for k in range(len(parameters)) if targets[k] == targets[i]]
         adds = np.zeros(len(parameters))
         adds[[k for k in alike if p.experiment in parameters[k].experiments]] = 1.0
-        error = _error(solution, adds * [q.scale for q in parameters])
+        error, std, half = _errors(solution, adds * scales)
         best = float(adds @ estimates.best)
-        others = [parameters[k] for k in alike if k != i and parameters[k].experiments]
-        later = [q.experiment for q in others]
+        later = [parameters[k].experiment for k in alike if k != i and parameters[k].experiments]
+        # its prior gives it an error where the data do not
         results[p.name] = OffsetEstimate(
             name=p.name,
             experiments=tuple(label for label in p.experiments if label not in later),
             variables=targets[i],
             value=float(adds @ estimates.reported),
             unit=p.unit,
-            ci95=(best - error.half, best + error.half),
+            ci95=(best - half, best + half),
             prior=p.prior_sigma or math.nan,
             fitted=float(estimates.reported[i]),
             most_likely=best,
-            **error.about | {"std": error.std},
+            **error | {"std": std},
         )
     return results
+
+
+def with_profiles(
+    values: Mapping[str, Fitted],
+    profiled: Mapping[str, FittedEstimate],
+    apart: Mapping[str, str],
+    why_not: str,
+    at_bounds: tuple[str, ...],
+) -> dict[str, Fitted]:
+    """Values with status, error and intervals of their profiles, where these were scanned.
+
+    Args:
+        values: with the errors of the linearised problem, by name.
+        profiled: with those of their profiles.
+        apart: why single values have none, by name.
+        why_not: why none has any; empty: the fit converged and the model describes the data.
+        at_bounds: parameters that the data would move beyond their bounds: how far other values go
+            along is not known without scans, and linearised ones have no errors.
+    """
+    made = {}
+    for name, value in values.items():
+        why = apart.get(name, why_not)
+        if name in profiled:
+            known = {each: getattr(profiled[name], each) for each in BY_PROFILE}
+            value = replace(value, **known)
+        if why:
+            value = value.withdrawn(why)
+        elif at_bounds and value.status is Verdict.LINEARISED:
+            reason, status = phrase("status", "on_bound", at_bounds), Verdict.UNKNOWN
+            value = replace(
+                value, status=status, std=math.nan, reason=reason, active_bounds=at_bounds
+            )
+        made[name] = value
+    return made

@@ -15,7 +15,7 @@ from fitting.fit.optimum import most_likely
 from fitting.fit.problem import Problem
 from fitting.fit.solution import curve_structure
 from fitting.inference.checks.solutions import residual_findings
-from fitting.inference.determine import InferenceOptions, Limits, determine
+from fitting.inference.determine import InferenceOptions, Limits, determine, shared_values
 from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.measurements.measurement import Response
@@ -71,27 +71,20 @@ def identify(
     if request.expected:
         begins = begins[:1]
     noise, structure = _noise(objective, begins[0], request.expected)
-    others = [a for a in problem.alternatives if dict(a) != dict(chosen)]
-    equal_fits = (
-        ()
-        if request.expected
-        else tuple(
-            equal
-            for a in others
-            if (equal := equal_fit((objective_of(a), begins), (objective, begins), a, noise))
-        )
-    )
+    others = [a for a in problem.alternatives if dict(a) != dict(chosen) and not request.expected]
+    pairs = ((a, (objective_of(a), begins)) for a in others)
+    equal_fits = [equal_fit(there, (objective, begins), a, noise) for a, there in pairs]
     own = own_count(problem.parameters)
     options = InferenceOptions(
         units=units,
         seed=request.seed,
         budget=request.budget,
         others=begins[1:],
-        alternatives=equal_fits,
+        alternatives=tuple(equal for equal in equal_fits if equal is not None),
         data=not request.expected,
         bootstrap=request.bootstrap,
         progress=request.progress,
-        only=_shared(problem) if own > FEW_OWN else (),
+        only=shared_values(problem) if own > FEW_OWN else (),
         structure=structure,
     )
     found = determine(objective, begins[0], noise, options)
@@ -114,11 +107,6 @@ def own_profiled(problem: Problem) -> int:
     """
     own = own_count(problem.parameters)
     return own if own <= FEW_OWN else 0
-
-
-def _shared(problem: Problem) -> tuple[str, ...]:
-    """Names of the values that no single experiment has of its own."""
-    return (*(p.name for p in problem.parameters if not p.experiments), *problem.outputs)
 
 
 def _beginnings(problem: Problem, values: Mapping[str, float] | None) -> list[FloatArray]:

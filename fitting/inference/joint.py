@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,7 +27,14 @@ from fitting.fit.noise import noise_of
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.estimates import Outputs
-from fitting.inference.likelihood.knowledge import CONTRADICT, WORTH_A_WARNING, PairTest
+from fitting.inference.likelihood.knowledge import (
+    CONTRADICT,
+    WORTH_A_WARNING,
+    JointResult,
+    PairTest,
+    SeriesPart,
+    ValueAlone,
+)
 from fitting.measurements.sweep import Sweep
 from fitting.signal.chi_square import as_sigmas, tail
 from fitting.signal.misfit import excess_share
@@ -41,95 +48,44 @@ BETTER_THAN_BOX = 3.0
 APART = 3.0
 
 
-# --- records --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class ValueAlone:
-    """A value as one campaign alone determines it (NaN where it does not), with its error."""
-
-    value: float
-    std: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class SeriesPart:
-    """One campaign of a joint fit.
-
-    `chi` is its scale; `determined` how many numbers its data determine; `chi_square_joint` of its
-    rows at the joint solution and `chi_square_alone` at its own, both linearised at the former;
-    `rows` the number of its rows, `alone` what it determines by itself, by name; `swept_initial_v`
-    and `swept_final_v` its sweep as simulated (scaled) before and after, at the measured points.
-    """
-
-    name: str
-    campaign: str
-    scale_kind: str
-    chi: float
-    rows: int
-    determined: int
-    chi_square_joint: float
-    chi_square_alone: float
-    inflation: float
-    alone: Mapping[str, ValueAlone]
-    swept_initial_v: tuple[float, ...] = ()
-    swept_final_v: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class JointResult:
-    """Campaigns of a joint fit, and whether they agree."""
-
-    series: tuple[SeriesPart, ...]
-    tensions: tuple[PairTest, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExternalTest:
-    """Distance of a result from a value found elsewhere, in standard deviations (NaN: untestable).
-
-    `std` of the external value is zero where none was given; `found`, `found_std` are the result's.
-    """
-
-    name: str
-    value: float
-    std: float
-    unit: str
-    found: float
-    found_std: float
-    sigmas: float
-
-
-# --- tests ----------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
 class _System:
     """Linearisation of each campaign, and the Gaussian priors as rows of their own, one per value.
 
-    `owners` (n,) of each campaign mark the parameters that its rows depend on.
+    All campaigns have their own noise as it is stated or scatters, wider by `inflation`, one each,
+    where residuals are beyond it; `owners` (n,) mark the parameters that their rows depend on.
     """
 
-    parts: tuple[Linearisation, ...]
-    priors: Linearisation
-    owners: tuple[BoolArray, ...]
+    def __init__(self, solution: Solution) -> None:
+        point, data, parameters = solution.final, solution.objective.data, solution.parameters
+        noise, prior = noise_of(solution.objective, point).loosest, prior_sigmas(parameters)
+        inverse = [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in parameters]
+        rows = np.array(inverse) * point.x
+        self.priors = Linearisation(rows=rows, matrix=np.diag(inverse), prior=prior)
+        self.parts: list[Linearisation] = []
+        self.owners: list[BoolArray] = []
+        for k in range(len(data.series)):
+            mine = data.series_of_rows == k
+            own, matrix = noise.restricted(mine), solution.matrix[mine]
+            white = own.whitened(point.residuals[mine]), own.whitened(matrix)
+            self.parts.append(Linearisation(rows=white[0], matrix=white[1], prior=prior))
+            self.owners.append(np.asarray(np.any(matrix != 0.0, axis=0)))
+        self.inflation = []
+        for k, part in enumerate(self.parts):
+            least, count = self.minimum([k]), part.rows.size + self._priors_of([k]).rows.size
+            excess = least.chi_square / max(count - least.rank, 1)
+            self.inflation.append(max(1.0, math.sqrt(excess)))
+        pairs = zip(self.parts, self.inflation, strict=True)
+        self.parts = [part.widened(factor) for part, factor in pairs]
 
     def minimum(self, parts: Sequence[int]) -> Minimum:
         """Least chi square of some campaigns, priors of their own values included."""
-        return joined([*(self.parts[k] for k in parts), self._priors_of(parts)]).minimum(
-            BETTER_THAN_BOX
-        )
+        each = [*(self.parts[k] for k in parts), self._priors_of(parts)]
+        return joined(each).minimum(BETTER_THAN_BOX)
 
     def _priors_of(self, parts: Sequence[int]) -> Linearisation:
         mine = np.any([self.owners[k] for k in parts], axis=0)
         rows = np.flatnonzero((np.diag(self.priors.matrix) > 0.0) & mine)
         return replace(self.priors, rows=self.priors.rows[rows], matrix=self.priors.matrix[rows])
-
-    def inflation(self, part: int) -> float:
-        """Factor on the errors of a campaign for residuals beyond its noise."""
-        least = self.minimum([part])
-        rows = self.parts[part].rows.size + self._priors_of([part]).rows.size
-        return max(1.0, math.sqrt(least.chi_square / max(rows - least.rank, 1)))
 
     def pair_test(self, one: Sequence[int], other: Sequence[int], names: Sequence[str]) -> PairTest:
         """The difference of what two sets of campaigns both determine."""
@@ -140,10 +96,9 @@ class _System:
             square = max(0.0, both.chi_square - a.chi_square - b.chi_square)
             p_value = tail(square, freedom)
             sigmas = as_sigmas(square, p_value)
-        first, second = (" + ".join(names[k] for k in parts) for parts in (one, other))
         return PairTest(
-            one=first,
-            other=second,
+            one=" + ".join(names[k] for k in one),
+            other=" + ".join(names[k] for k in other),
             chi_square=square,
             freedom=max(freedom, 0),
             p_value=p_value,
@@ -161,24 +116,26 @@ def consistency(problem: Problem, solution: Solution, outputs: Outputs) -> Joint
         solution: the end of their joint fit.
         outputs: derived outputs there and around.
     """
-    data, names = problem.data, tuple(problem.campaigns)
-    system = _system(solution)
-    inflation = [system.inflation(k) for k in range(len(names))]
-    parts = (part.widened(f) for part, f in zip(system.parts, inflation, strict=True))
-    system = replace(system, parts=tuple(parts))
-    gradients, series = _gradients(solution, outputs), []
+    data, x, names = problem.data, solution.final.x, tuple(problem.campaigns)
+    system = _System(solution)
+    # value and gradient in x of shared parameters and of the means of derived outputs
+    gradients = {
+        p.name: (float(solution.final.parameters[i]), p.scale * np.eye(x.size)[i])
+        for i, p in enumerate(solution.parameters)
+        if is_shared(p)
+    }
+    for name in outputs.values[0]:
+        gradients[name] = (float(outputs.means(name)[0]), outputs.gradient(name))
+    series = []
     for k, (name, bound) in enumerate(problem.campaigns.items()):
         # the sweep of the series as the model has it, scaled, at the start and at the end
-        own = [i for i, m in enumerate(data.measurements) if m.series == name]
-        swept = [
-            tuple(
-                float(a)
-                for i in own
-                if isinstance(data.measurements[i], Sweep)
-                for a in point.scaled[i].real
-            )
-            for point in (solution.initial, solution.final)
+        own = [
+            i for i, m in enumerate(data.measurements) if m.series == name and isinstance(m, Sweep)
         ]
+        before, after = (
+            tuple(float(a) for i in own for a in point.scaled[i].real)
+            for point in (solution.initial, solution.final)
+        )
         least = system.minimum([k])
         series.append(
             SeriesPart(
@@ -190,49 +147,17 @@ def consistency(problem: Problem, solution: Solution, outputs: Outputs) -> Joint
                 determined=least.rank,
                 chi_square_joint=system.parts[k].chi_square,
                 chi_square_alone=least.chi_square,
-                inflation=inflation[k],
+                inflation=system.inflation[k],
                 alone={n: _alone(least, *about) for n, about in gradients.items()},
-                swept_initial_v=swept[0],
-                swept_final_v=swept[1],
+                swept_initial_v=before,
+                swept_final_v=after,
             )
         )
     every = range(len(names))
-    pairs: list[tuple[tuple[int, ...], tuple[int, ...]]] = [
-        ((a,), (b,)) for a, b in itertools.combinations(every, 2)
-    ]
-    if len(names) > 2:
-        pairs += [((k,), tuple(j for j in every if j != k)) for k in every]
-    tests = tuple(system.pair_test(one, other, names) for one, other in pairs)
-    return JointResult(tuple(series), tests)
-
-
-def _system(solution: Solution) -> _System:
-    """All campaigns, each with its own noise as it is stated or scatters."""
-    point, data = solution.final, solution.objective.data
-    noise, prior = noise_of(solution.objective, point).loosest, prior_sigmas(solution.parameters)
-    inverse = [p.scale / p.prior_sigma if p.prior_sigma else 0.0 for p in solution.parameters]
-    parts, owners = [], []
-    for k in range(len(data.series)):
-        mine = data.series_of_rows == k
-        own, matrix = noise.restricted(mine), solution.matrix[mine]
-        rows = own.whitened(point.residuals[mine])
-        parts.append(Linearisation(rows=rows, matrix=own.whitened(matrix), prior=prior))
-        owners.append(np.asarray(np.any(matrix != 0.0, axis=0)))
-    priors = Linearisation(rows=np.array(inverse) * point.x, matrix=np.diag(inverse), prior=prior)
-    return _System(tuple(parts), priors, tuple(owners))
-
-
-def _gradients(solution: Solution, outputs: Outputs) -> dict[str, tuple[float, FloatArray]]:
-    """Value and gradient in x of shared parameters and of the means of derived outputs."""
-    parameters, x = solution.parameters, solution.final.x
-    gradients = {
-        p.name: (float(solution.final.parameters[i]), p.scale * np.eye(x.size)[i])
-        for i, p in enumerate(parameters)
-        if is_shared(p)
-    }
-    for name in outputs.values[0]:
-        gradients[name] = (float(outputs.means(name)[0]), outputs.gradient(name))
-    return gradients
+    tests = [system.pair_test([a], [b], names) for a, b in itertools.combinations(every, 2)]
+    for k in every if len(names) > 2 else ():
+        tests.append(system.pair_test([k], [j for j in every if j != k], names))
+    return JointResult(tuple(series), tuple(tests))
 
 
 def _alone(minimum: Minimum, value: float, gradient: FloatArray) -> ValueAlone:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,55 +23,14 @@ from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.solution import Solution
 from fitting.inference.estimates import Outputs
+from fitting.inference.likelihood.knowledge import PhaseGain, Quadratures
 from fitting.measurements.measurement import Estimated, Prediction
-from fitting.text.arrays import FloatArray
 from fitting.text.estimate import Estimate, Verdict
-from fitting.text.notation import number
 
 #: Standard deviations of a Gaussian between which 95 % lie.
 NINETY_FIVE = 1.959964
 #: Share of the largest size or singular value below which a column is none.
 NOTHING = 1e-9
-
-
-@dataclass(frozen=True, kw_only=True)
-class PhaseGain:
-    """Standard deviation of a value, of `amplitudes` alone and with `phases`, in `unit`.
-
-    With phases it is the reported one, of amplitudes alone it is as many times as wide as in the
-    linearised problem.
-    """
-
-    name: str
-    unit: str
-    amplitudes: float
-    phases: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quadratures:
-    """Gains in precision by phases, and qualities that follow from what is solved inside.
-
-    Both are empty without any. The interval of a quality is symmetric in its logarithm, that of a
-    quality factor in 1/Q, and infinite above where no loss at all would suit the data as well; its
-    value is NaN where its loss comes out negative.
-    """
-
-    gains: tuple[PhaseGain, ...] = ()
-    qualities: tuple[Estimate, ...] = ()
-
-    @property
-    def alike(self) -> list[list[PhaseGain]]:
-        """The gains, those of one number together: outputs of the FMU that are a parameter.
-
-        Profiles, which are scanned for each, are the same as far as they are printed.
-        """
-        groups: dict[tuple[str, ...], list[PhaseGain]] = {}
-        for gain in self.gains:
-            ratio = f"{gain.amplitudes / gain.phases:.6g}"
-            key = (gain.unit, number(gain.amplitudes, 2), number(gain.phases, 2), ratio)
-            groups.setdefault(key, []).append(gain)
-        return list(groups.values())
 
 
 def quadratures_of(
@@ -97,15 +55,39 @@ def quadratures_of(
     around = central(x, objective.steps, *search_bounds(parameters))
     points = [to_model(parameters, each) for each in (x, *around.nodes)]
     answers = [e.predictions for e in objective.response.evaluate_many(points)]
-    gains = []
+    gains: list[PhaseGain] = []
     if phased:
         both, amplitudes = (_errors(solution, answers[0], alone) for alone in (False, True))
-        for name, unit, gradient in _values(solution, outputs, units):
-            one, two, std = amplitudes.of(gradient)[0], both.of(gradient)[0], stds.get(name, 0.0)
-            if two > 0.0 and 0.0 < std < math.inf:
-                gain = PhaseGain(name=name, unit=unit, amplitudes=std * one / two, phases=std)
-                gains.append(gain)
-    tables, qualities = [_qualities(solution, answer) for answer in answers], []
+        # parameters of the model and derived outputs, by their gradients in x
+        values = [
+            (p.name, p.unit, p.scale * np.eye(x.size)[i])
+            for i, p in enumerate(parameters)
+            if p.moves_model and not p.experiments
+        ]
+        values += [
+            (name, units.get(name, ""), outputs.gradient(name)) for name in outputs.values[0]
+        ]
+        for name, unit, gradient in values:
+            std = stds.get(name, 0.0)
+            if np.all(np.isfinite(gradient)) and 0.0 < std < math.inf:
+                one, two = amplitudes.of(gradient)[0], both.of(gradient)[0]
+                if two > 0.0:
+                    size = std * one / two
+                    gains.append(PhaseGain(name=name, unit=unit, amplitudes=size, phases=std))
+
+    # qualities by name at every point, with their errors at fixed parameters, as wide as the
+    # residuals require
+    noise, data = noise_of(objective, solution.final), objective.data
+    if solution.structure is not None:
+        noise = noise.widened(data.curve_rows, solution.structure.widening)
+    sigma = noise.sigma * solution.errors.inflation
+    tables: list[dict[str, Estimated]] = []
+    for answer in answers:
+        tables.append({})
+        for m, q, rows in zip(measurements, answer, data.slices, strict=True):
+            for name, each in m.qualities(q, sigma[rows]).items():
+                tables[-1][f"{name}[{m.series}]" if m.series else name] = each
+    qualities = []
     for name, here in tables[0].items():
         steps = [np.array([t[name].value if name in t else math.nan]) for t in tables[1:]]
         of_parameters = solution.errors.of(around.quotients(steps)[0])[0]
@@ -132,19 +114,6 @@ def _quality(name: str, here: Estimated, error: float) -> Estimate:
     )
 
 
-def _qualities(solution: Solution, answer: Sequence[Prediction]) -> dict[str, Estimated]:
-    """Values by name with their errors at fixed parameters, as wide as the residuals require."""
-    noise, data = noise_of(solution.objective, solution.final), solution.objective.data
-    if solution.structure is not None:
-        noise = noise.widened(data.curve_rows, solution.structure.widening)
-    sigma = noise.sigma * solution.errors.inflation
-    return {
-        f"{name}[{m.series}]" if m.series else name: each
-        for m, q, rows in zip(data.measurements, answer, data.slices, strict=True)
-        for name, each in m.qualities(q, sigma[rows]).items()
-    }
-
-
 def _errors(solution: Solution, answer: Sequence[Prediction], alone: bool) -> Linearisation:
     """The problem of all rows, or of amplitudes alone; what is solved inside is projected out."""
     data, slopes = solution.objective.data, []
@@ -164,20 +133,3 @@ def _errors(solution: Solution, answer: Sequence[Prediction], alone: bool) -> Li
     matrix = np.concatenate(slopes)
     prior = prior_sigmas(solution.parameters, solution.nu)
     return Linearisation(rows=np.zeros(matrix.shape[0]), matrix=matrix, prior=prior)
-
-
-def _values(
-    solution: Solution, outputs: Outputs, units: Mapping[str, str]
-) -> list[tuple[str, str, FloatArray]]:
-    """Name, unit and gradient in x of parameters of the model and of derived outputs."""
-    parameters, x = solution.parameters, solution.final.x
-    values = [
-        (p.name, p.unit, p.scale * np.eye(x.size)[i])
-        for i, p in enumerate(parameters)
-        if p.moves_model and not p.experiments
-    ]
-    for name in outputs.values[0]:
-        gradient = outputs.gradient(name)
-        if np.all(np.isfinite(gradient)):
-            values.append((name, units.get(name, ""), gradient))
-    return values

@@ -13,8 +13,7 @@ from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.estimates import Outputs
-from fitting.inference.joint import JointResult
-from fitting.inference.likelihood.knowledge import Adequacy
+from fitting.inference.likelihood.knowledge import Adequacy, JointResult
 from fitting.inference.sweeps import SweepFindings
 from fitting.measurements.dataset import Dataset
 from fitting.text.arrays import FloatArray

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,12 +17,11 @@ import numpy as np
 from fitting.campaign.parameters import Parameter, canonical, spans_decades, to_model
 from fitting.inference.equivalent_fits import contradicts, nearest_image
 from fitting.inference.likelihood.knowledge import STOPPED, Equivalent, Interval, Profile, Scan
-from fitting.inference.likelihood.profile import Quantity, ScanPoint, Scans, Side
+from fitting.inference.likelihood.profile import Quantity, ScanPoint, Scans
 from fitting.text.arrays import FloatArray
 from fitting.text.error_bars import ROOT_95
 from fitting.text.estimate import (
     NOWHERE,
-    Closed,
     FittedEstimate,
     OutputEstimate,
     ParameterEstimate,
@@ -38,6 +37,8 @@ NEARLY_ALL = 0.9
 #: Share of the width of its prior from which an interval is that of the prior alone, and up to
 #: which the prior has no part in it: the data answer for a tenth and for nine of the variance.
 PRIOR_ALONE, PRIOR_IDLE = math.sqrt(0.9), math.sqrt(0.1)
+#: What leads to another fit of the same model.
+ANOTHER = "another minimum"
 #: Sides that nothing closes: priors of what drifts say nothing of the sample.
 OPEN = ("bound", "prior")
 #: (lower side, upper side) -> status, by what closes them; pairs that are missing leave the value
@@ -56,32 +57,30 @@ STATUS: Mapping[tuple[str, str], Verdict] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Basis:
-    """What statuses are decided on, beside the profiles themselves.
+class _Interval:
+    """The interval of one quantity in its own unit, what closes it, and what speaks against it.
 
-    `equivalents` fit as well elsewhere; `units` are those of outputs; `redundant`: whether there
-    are more data than unknowns.
+    `scale` and `shift` lead from x to the unit; `best` is the most likely value, `error` its
+    linearised standard deviation, `box` the range without data. `others` are values of separate
+    minima outside the interval around the optimum, whose own valley the data close where it
+    `is_closed`; `exchange` the value of another alternative and what leads there; `active` names
+    parameters at their bounds.
     """
 
-    equivalents: Sequence[Equivalent] = ()
-    units: Mapping[str, str] = field(default_factory=dict)
-    redundant: bool = True
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Subject:
-    """One quantity in its own unit: `scale` and `shift` lead from x, `box` is its range."""
-
-    quantity: Quantity
     parameter: Parameter | None
     unit: str
     scale: float
     shift: float
+    best: float
+    error: float
     box: Interval
-
-    def shown(self, value: float) -> float:
-        """A value in its unit, brought into its first period with the optimum."""
-        return self.shift + self.scale * value
+    ci68: Interval
+    ci95: Interval
+    closed: tuple[str, str]
+    active: tuple[str, ...]
+    is_closed: bool
+    others: Sequence[float] = ()
+    exchange: tuple[float, str] | None = None
 
     @property
     def period(self) -> float | None:
@@ -89,263 +88,222 @@ class _Subject:
         return self.parameter.period if self.parameter is not None else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Interval:
-    """Interval and what closes it, and what speaks against it.
-
-    `others` are values of separate minima outside the interval around the optimum, whose own valley
-    the data close where it `is_closed`; `exchange` the value of another alternative and what leads
-    there; `active` names parameters at their bounds.
-    """
-
-    interval: Interval
-    closed: tuple[str, str]
-    others: Sequence[float]
-    exchange: tuple[float, str] | None
-    active: Sequence[str]
-    is_closed: bool
-
-
-def profiles(scans: Scans, basis: Basis) -> dict[str, Profile]:
+def profiles(
+    scans: Scans,
+    equivalents: Sequence[Equivalent],
+    units: Mapping[str, str],
+    *,
+    is_redundant: bool,
+) -> dict[str, Profile]:
     """Value and profile of every quantity, in its own unit, parameters first.
 
     Args:
         scans: both sides of all quantities.
-        basis: what else the statuses rest on.
+        equivalents: other points that fit as well.
+        units: of outputs, by name.
+        is_redundant: whether there are more data than unknowns.
     """
-    every = scans.optimum.likelihood.parameters
-    parameters = {p.name: p for p in every}
+    likelihood = scans.optimum.likelihood
     # what brings the optimum into the canonical period, (n,), in the parameters' units
-    here = to_model(every, scans.optimum.expansion.x)
-    turn = np.asarray(canonical(every, here) - here)
+    here = to_model(likelihood.parameters, scans.optimum.expansion.x)
+    turn = np.asarray(canonical(likelihood.parameters, here) - here)
     made = {}
     for quantity in scans.quantities:
-        subject = _subject(quantity, parameters.get(quantity.name), basis, turn)
-        made[quantity.name] = _profile(scans, subject, basis, turn)
-    for name in scans.optimum.likelihood.names:
-        if name not in made and name not in {q.name for q in scans.quantities}:
-            made[name] = _without_value(scans, name, basis)
+        name = quantity.name
+        interval = _interval(scans, quantity, units.get(name, ""), turn)
+        interval = _with_other_fits(scans, quantity, interval, equivalents)
+        status, reason = _status(interval, is_redundant)
+        value = _estimate(scans, quantity, interval, status, reason)
+        made[name] = Profile(value, _points(scans, quantity, interval, turn))
+    for name in likelihood.names:
+        if name not in made:
+            made[name] = _without_value(scans, name, units.get(name, ""))
     return made
 
 
-def _subject(
-    quantity: Quantity, parameter: Parameter | None, basis: Basis, turn: FloatArray
-) -> _Subject:
-    if parameter is None:
-        return _Subject(
-            quantity=quantity,
-            parameter=None,
-            unit=basis.units.get(quantity.name, ""),
-            scale=1.0,
-            shift=0.0,
-            box=(quantity.low, quantity.high),
-        )
-    shift = parameter.reference + float(turn[quantity.index])
-    box = (parameter.lower, parameter.upper)
-    if quantity.is_periodic:
-        box = (shift + parameter.scale * quantity.low, shift + parameter.scale * quantity.high)
-    return _Subject(
-        quantity=quantity,
-        parameter=parameter,
-        unit=parameter.unit,
-        scale=parameter.scale,
-        shift=shift,
-        box=box,
-    )
-
-
-def _profile(scans: Scans, subject: _Subject, basis: Basis, turn: FloatArray) -> Profile:
-    quantity = subject.quantity
+def _interval(scans: Scans, quantity: Quantity, unit: str, turn: FloatArray) -> _Interval:
+    """The interval as the sides were closed, in the quantity's own unit."""
+    parameters, parameter = scans.optimum.likelihood.parameters, None
+    scale, shift, box = 1.0, 0.0, (quantity.low, quantity.high)
+    if quantity.index >= 0:
+        parameter = parameters[quantity.index]
+        unit, scale = parameter.unit, parameter.scale
+        shift = parameter.reference + float(turn[quantity.index])
+        box = (parameter.lower, parameter.upper)
+        if quantity.is_periodic:
+            box = (shift + scale * quantity.low, shift + scale * quantity.high)
     low, high = scans.sides[quantity.name]
-    closed = _closed(low, high)
-    low68, low95 = (_end(subject, 0, end) for end in (low.end68, low.end95))
-    high68, high95 = (_end(subject, 1, end) for end in (high.end68, high.end95))
-    others = [] if closed[0] == "periodic" else _elsewhere(scans, subject, basis.equivalents)
-    # where one end is closed the width of the interval is no measure: the other end is a bound
-    sides = (low68 - low95, high95 - high68)
-    by_data = [side for word, side in zip(closed, sides, strict=True) if word == "data"]
-    slack = 0.5 * by_data[0] if len(by_data) == 1 else None
-    exchange = _exchange(subject, (low95, high95), basis.equivalents, slack)
-    if (others or exchange) and len(by_data) == 1:  # another fit lies beyond the only closed end
-        low95, high95 = min(low95, subject.box[0]), max(high95, subject.box[1])
-    names = [p.name for p in scans.optimum.likelihood.parameters]
-    active = tuple(dict.fromkeys(names[i] for side in (low, high) for i in side.active))
-    ends = _Interval(
-        interval=(low95, high95),
+    # the very bound where an end is one
+    low68, low95 = (
+        box[0] if end == quantity.low else shift + scale * end for end in (low.end68, low.end95)
+    )
+    high68, high95 = (
+        box[1] if end == quantity.high else shift + scale * end for end in (high.end68, high.end95)
+    )
+    closed = (low.closed, high.closed)
+    if "periodic" in closed and closed != ("periodic", "periodic"):
+        # half a period up and down is one and the same system: where the half turn fits from one
+        # side it does from the other, where a scan found no way
+        below, above = ("bound" if end in ("periodic", "failed") else end for end in closed)
+        closed = (below, above)
+    held = [parameters[i].name for side in (low, high) for i in side.active]
+    return _Interval(
+        parameter=parameter,
+        unit=unit,
+        scale=scale,
+        shift=shift,
+        best=shift + scale * quantity.best,
+        error=scale * quantity.sigma,
+        box=box,
+        ci68=(low68, high68),
+        ci95=(low95, high95),
         closed=closed,
-        others=others,
-        exchange=exchange,
-        active=active,
+        active=tuple(dict.fromkeys(held)),
         is_closed=math.isfinite(low.own95) and math.isfinite(high.own95),
     )
-    status, reason = _status(subject, ends, basis)
-    wide = (high95 - low95) / (subject.box[1] - subject.box[0])
-    points = _in_order(scans, quantity)
-    parameter = subject.parameter
+
+
+def _with_other_fits(
+    scans: Scans, quantity: Quantity, here: _Interval, equivalents: Sequence[Equivalent]
+) -> _Interval:
+    """The interval with values that fit as well elsewhere, and as wide as these make it."""
+    others, exchange = [], None
+    has_alternative = any(other.origin == "alternative" for other in equivalents)
+    own = [here.shift + here.scale * side.own95 for side in scans.sides[quantity.name]]
+    low, high = (
+        end if math.isfinite(end) else limit
+        for end, limit in zip(own, (-math.inf, math.inf), strict=True)
+    )
+    margin = 1e-6 * (quantity.high - quantity.low) * here.scale
+    # where one end is closed the width of the interval is no measure: the other end is a bound
+    sides = (here.ci68[0] - here.ci95[0], here.ci95[1] - here.ci68[1])
+    by_data = [side for end, side in zip(here.closed, sides, strict=True) if end == "data"]
+    slack = 0.5 * by_data[0] if len(by_data) == 1 else None
+    # values of other alternatives come first
+    for other in sorted(equivalents, key=lambda each: each.origin != "alternative"):
+        named = other.parameters if here.parameter is not None else other.derived
+        value = nearest_image(named.get(quantity.name, math.nan), here.best, here.period)
+        # of separate minima of this model: those that the interval around the optimum does not
+        # hold, where every output has a value
+        is_own = other.origin == "start" and other.possible and math.isfinite(value)
+        if is_own and "periodic" not in here.closed and not low - margin <= value <= high + margin:
+            others.append(value)
+        # where there is an alternative, points without a value of some output count, too: they may
+        # have one there
+        is_asked = exchange is None and has_alternative
+        if is_asked and contradicts(value, here.ci95, here.period, slack):
+            exchange = value, other.where or ANOTHER
+    ends = here.ci95
+    if (others or exchange) and len(by_data) == 1:  # another fit lies beyond the only closed end
+        ends = min(ends[0], here.box[0]), max(ends[1], here.box[1])
+    return replace(here, ci95=ends, others=others, exchange=exchange)
+
+
+def _estimate(
+    scans: Scans, quantity: Quantity, here: _Interval, status: Verdict, reason: str
+) -> FittedEstimate:
+    """The value as it is reported."""
+    (low68, high68), (low95, high95) = here.ci68, here.ci95
+    share = (high95 - low95) / (here.box[1] - here.box[0])
+    is_verified = all(side.is_verified for side in scans.sides[quantity.name])
     known: dict[str, Any] = {
         "name": quantity.name,
-        "value": subject.shown(quantity.best),
-        "unit": subject.unit,
+        "value": here.best,
+        "unit": here.unit,
         "std": 0.5 * (high68 - low68) if status.has_value else math.nan,
-        "ci68": (low68, high68),
-        "ci95": (low95, high95),
-        "closed_by": (_word(closed[0]), _word(closed[1])),
-        "shrinkage": 1.0 - min(1.0, wide) ** 2,
+        "ci68": here.ci68,
+        "ci95": here.ci95,
+        # empty where a search ended before anything closed the side
+        "closed_by": tuple("" if end in STOPPED else end for end in here.closed),
+        "shrinkage": 1.0 - min(1.0, share) ** 2,
         "status": status,
         "reason": reason,
-        "method": "linearised, verified" if low.is_verified and high.is_verified else "profile",
-        "simulation": subject.scale * quantity.reach * quantity.sigma,
-        "active_bounds": active,
+        "method": "linearised, verified" if is_verified else "profile",
+        "simulation": here.scale * quantity.reach * quantity.sigma,
+        "active_bounds": here.active,
     }
-    value: FittedEstimate
-    if parameter is None:
-        value = OutputEstimate(**known, lower=subject.box[0], upper=subject.box[1])
-    else:
-        value = ParameterEstimate(
-            **known,
-            lower=parameter.lower,
-            upper=parameter.upper,
-            period=parameter.period,
-            reference=parameter.reference,
-            start=parameter.start,
-            asked=parameter.moves_model,
-        )
-    scan = Scan(
-        sigma=subject.scale * quantity.sigma,
-        held=active,
-        stopped=(STOPPED.get(closed[0], ""), STOPPED.get(closed[1], "")),
-        values=tuple(subject.shown(point.value) for point in points),
-        delta_chi2=tuple(max(0.0, point.delta) for point in points),
-        path=_path(scans, points, turn),
+    p = here.parameter
+    if p is None:
+        return OutputEstimate(**known, lower=here.box[0], upper=here.box[1])
+    return ParameterEstimate(
+        **known,
+        lower=p.lower,
+        upper=p.upper,
+        period=p.period,
+        reference=p.reference,
+        start=p.start,
+        asked=p.moves_model,
     )
-    return Profile(value, scan)
 
 
-def _end(subject: _Subject, side: int, value: float) -> float:
-    """An end of an interval in its unit: the very bound where it is one."""
-    limit = (subject.quantity.low, subject.quantity.high)[side]
-    return subject.box[side] if value == limit else subject.shown(value)
+def _points(scans: Scans, quantity: Quantity, here: _Interval, turn: FloatArray) -> Scan:
+    """All points of a profile in rising order, the optimum among them, with what moves along it."""
+    likelihood, (down, up) = scans.optimum.likelihood, scans.sides[quantity.name]
+    middle = ScanPoint(value=quantity.best, delta=0.0, at=scans.optimum.expansion)
+    points = sorted([*down.points, middle, *up.points], key=lambda point: point.value)
+    table = to_model(likelihood.parameters, np.array([point.x for point in points])) + turn
+    path = {p.name: tuple(map(float, table[:, i])) for i, p in enumerate(likelihood.parameters)}
+    for k, name in enumerate(likelihood.names):  # NaN where outputs were not read
+        read = [float(point.outputs[k]) if point.outputs.size else math.nan for point in points]
+        path[name] = tuple(read)
+    return Scan(
+        sigma=here.error,
+        held=here.active,
+        stopped=(STOPPED.get(here.closed[0], ""), STOPPED.get(here.closed[1], "")),
+        values=tuple(here.shift + here.scale * point.value for point in points),
+        delta_chi2=tuple(max(0.0, point.delta) for point in points),
+        path=path,
+    )
 
 
-def _closed(low: Side, high: Side) -> tuple[str, str]:
-    """What closes the sides; half a period up and down is one and the same system."""
-    closed = (low.closed, high.closed)
-    if "periodic" not in closed or closed == ("periodic", "periodic"):
-        return closed
-    # the half turn fits from one side: it does from the other, where a scan found no way
-    words = ["bound" if word in ("periodic", "failed") else word for word in closed]
-    return words[0], words[1]
-
-
-def _word(closed: str) -> Closed:
-    """What closes a side, as an estimate has it: empty where a search ended before anything did."""
-    words: Mapping[str, Closed] = {
-        "data": "data",
-        "prior": "prior",
-        "bound": "bound",
-        "periodic": "periodic",
-    }
-    return words.get(closed, "")
-
-
-def _elsewhere(scans: Scans, subject: _Subject, equivalents: Sequence[Equivalent]) -> list[float]:
-    """Values at separate minima of this model that the interval around the optimum does not hold.
-
-    Where an output has no value the point says nothing of it; nor does one whose whole valley is
-    without a value of some output.
-    """
-    quantity = subject.quantity
-    down, up = scans.sides[quantity.name]
-    low = subject.shown(down.own95) if math.isfinite(down.own95) else -math.inf
-    high = subject.shown(up.own95) if math.isfinite(up.own95) else math.inf
-    margin = 1e-6 * quantity.width * subject.scale
-    values = []
-    for other in equivalents:
-        named = other.parameters if subject.parameter is not None else other.derived
-        value = named.get(quantity.name, math.nan)
-        if other.origin != "start" or not other.possible or not math.isfinite(value):
-            continue
-        value = nearest_image(value, subject.shown(quantity.best), subject.period)
-        if not low - margin <= value <= high + margin:
-            values.append(value)
-    return values
-
-
-def _exchange(
-    subject: _Subject, bounds: Interval, equivalents: Sequence[Equivalent], slack: float | None
-) -> tuple[float, str] | None:
-    """A value against an interval at another alternative that fits as well, and what leads there.
-
-    Where there is such an alternative, points without a value of some output count, too: they may
-    have one in the alternative.
-    """
-    if not any(other.origin == "alternative" for other in equivalents):
-        return None
-    name, best = subject.quantity.name, subject.shown(subject.quantity.best)
-    for other in sorted(equivalents, key=lambda each: each.origin != "alternative"):
-        values = other.parameters if subject.parameter is not None else other.derived
-        there = values.get(name, math.nan)
-        if contradicts(there, bounds, subject.period, slack):
-            return nearest_image(there, best, subject.period), other.where or "another minimum"
-    return None
-
-
-def _status(subject: _Subject, ends: _Interval, basis: Basis) -> tuple[Verdict, str]:
+def _status(here: _Interval, is_redundant: bool) -> tuple[Verdict, str]:
     """The status and why."""
-    closed, active = ends.closed, list(ends.active)
-    if not basis.redundant:  # where a scan then ends is a matter of the bounds
+    closed, active = here.closed, list(here.active)
+    if not is_redundant:  # where a scan then ends is a matter of the bounds
         return Verdict.UNKNOWN, phrase("status", "no_redundancy")
-    if ends.others and ends.is_closed:
-        return Verdict.SEVERAL, _of_others(subject, ends)
+    if here.others and here.is_closed:
+        return Verdict.SEVERAL, _of_others(here)
     status = STATUS.get(closed, Verdict.UNCONSTRAINED)
-    if status is Verdict.UNKNOWN:
+    if status is Verdict.UNKNOWN or closed == ("prior", "prior"):
         return status, phrase("status", "sides", closed, active)
     if status is Verdict.UNCONSTRAINED:
         word = "any_of_period" if "periodic" in closed else "both_ends"
-        return status, phrase(
-            "status", word if closed != ("prior", "prior") else "sides", closed, active
-        )
+        return status, phrase("status", word, closed, active)
     # width of the interval over that of the Gaussian prior
-    prior = None if subject.parameter is None else subject.parameter.prior_sigma
-    low, high = ends.interval
+    prior = None if here.parameter is None else here.parameter.prior_sigma
+    low, high = here.ci95
     share = 0.0 if prior is None else (high - low) / (2.0 * ROOT_95 * prior)
     if share > PRIOR_ALONE:
         return Verdict.UNCONSTRAINED, phrase("status", "prior_alone")
-    if ends.exchange is not None or ends.others:
+    if here.exchange is not None or here.others:
         several = Verdict.SEVERAL if closed == ("data", "data") else Verdict.UNKNOWN
-        return several, _of_others(subject, ends)
-    if _is_nearly_all(subject, ends.interval, subject.box):
-        return Verdict.UNCONSTRAINED, phrase("status", "nearly_all")
+        return several, _of_others(here)
+    # an output that may have anything that the model allows: an eigenfrequency of two coupled modes
+    # lies between those of the lines, whatever was measured. What may have any size, over decades,
+    # is measured by ratios: a width as the Q that goes with it
+    if here.parameter is None:
+        least, most = here.box
+        begin, end = max(low, least), min(high, most)
+        part = (end - begin) / (most - least)
+        if spans_decades(least, most) and 0.0 < begin < end:
+            part = math.log(end / begin) / math.log(most / least)
+        if part > NEARLY_ALL:
+            return Verdict.UNCONSTRAINED, phrase("status", "nearly_all")
     if status is not Verdict.DETERMINED:
         side = "above" if status is Verdict.BELOW else "below"
         return status, phrase("status", side, closed, active)
     if share > PRIOR_IDLE:
         return Verdict.BOUNDED, phrase("status", "prior_part")
-    return _by_width(subject, ends)
+    return _by_width(here)
 
 
-def _is_nearly_all(subject: _Subject, wide: Interval, room: Interval) -> bool:
-    """Whether an output's interval is what the model can have: what the data cut off says little.
-
-    An eigenfrequency of two coupled modes lies between those of the lines, whatever was measured.
-    What may have any size, over decades, is measured by ratios: a width as the Q that goes with it.
-    """
-    if subject.parameter is not None:
-        return False
-    low, high = room
-    begin, end = max(wide[0], low), min(wide[1], high)
-    if spans_decades(low, high) and 0.0 < begin < end:
-        return math.log(end / begin) > NEARLY_ALL * math.log(high / low)
-    return end - begin > NEARLY_ALL * (high - low)
-
-
-def _by_width(subject: _Subject, ends: _Interval) -> tuple[Verdict, str]:
+def _by_width(here: _Interval) -> tuple[Verdict, str]:
     """Determined, or only bounded, where the data cut both ends."""
-    low, high = ends.interval
-    half, best = 0.5 * (high - low), abs(subject.shown(subject.quantity.best))
-    if subject.period is not None:
-        if high - low <= NARROW_ROUND * subject.period:
-            return Verdict.DETERMINED, phrase("status", "precise", half / subject.period, True)
+    low, high = here.ci95
+    half, best = 0.5 * (high - low), abs(here.best)
+    if here.period is not None:
+        if high - low <= NARROW_ROUND * here.period:
+            return Verdict.DETERMINED, phrase("status", "precise", half / here.period, True)
         return Verdict.BOUNDED, phrase("status", "wide_period")
     if low * high <= 0.0:
         return Verdict.BOUNDED, phrase("status", "zero_inside")
@@ -355,88 +313,50 @@ def _by_width(subject: _Subject, ends: _Interval) -> tuple[Verdict, str]:
     return Verdict.BOUNDED, phrase("status", "wide", max(low / high, high / low))
 
 
-def _of_others(subject: _Subject, ends: _Interval) -> str:
+def _of_others(here: _Interval) -> str:
     """What other minima have that fit as well: a bound is none that one of them does not keep."""
-    there, where = [*ends.others], "another minimum"
-    if ends.exchange is not None:
-        there, where = [ends.exchange[0]], ends.exchange[1]
-    error = _own_error(subject, ends.interval)
-    known = (there, error, subject.unit)
-    if ends.closed != ("data", "data"):
+    there, where = [*here.others], ANOTHER
+    if here.exchange is not None:
+        there, where = [here.exchange[0]], here.exchange[1]
+    low, high = here.ci95
+    # the error at one of several minima is no more than a tenth of the interval that holds them all
+    error = math.nan
+    if 0.0 < here.error < math.inf and high > low:
+        error = min(here.error, 0.1 * (high - low))
+    known = (there, error, here.unit)
+    if here.closed != ("data", "data"):
         return phrase("status", "no_bound", *known, where)
-    determined = _by_width(subject, ends)[0] is Verdict.DETERMINED
-    best, (low, high) = subject.shown(subject.quantity.best), ends.interval
-    if ends.exchange is None and all(low <= value <= high for value in there):
-        return phrase("status", "several_within", best, *known, low, high)
-    if ends.exchange is None and determined:
-        return phrase("status", "several", best, *known)
-    return phrase("status", "exchange", best, *known, low, high, where, determined)
+    is_determined = _by_width(here)[0] is Verdict.DETERMINED
+    if here.exchange is None and all(low <= value <= high for value in there):
+        return phrase("status", "several_within", here.best, *known, low, high)
+    if here.exchange is None and is_determined:
+        return phrase("status", "several", here.best, *known)
+    return phrase("status", "exchange", here.best, *known, low, high, where, is_determined)
 
 
-def _own_error(subject: _Subject, interval: Interval) -> float:
-    """Standard deviation at one of several minima, as the slopes there have it; NaN for none.
-
-    It is no more than a tenth of the interval that holds them all.
-    """
-    error = subject.scale * subject.quantity.sigma
-    widest = 0.1 * (interval[1] - interval[0])
-    return min(error, widest) if 0.0 < error < math.inf and widest > 0.0 else math.nan
-
-
-def _in_order(scans: Scans, quantity: Quantity) -> list[ScanPoint]:
-    """All points of a profile, the optimum among them, in rising order."""
-    down, up = scans.sides[quantity.name]
-    middle = ScanPoint(value=quantity.best, delta=0.0, at=scans.optimum.expansion)
-    return sorted([*down.points, middle, *up.points], key=lambda point: point.value)
-
-
-def _path(
-    scans: Scans, points: Sequence[ScanPoint], turn: FloatArray
-) -> dict[str, tuple[float, ...]]:
-    """Parameters and outputs along a profile; NaN where an output was not read."""
-    likelihood = scans.optimum.likelihood
-    table = np.array([to_model(likelihood.parameters, point.x) + turn for point in points])
-    path = {p.name: tuple(map(float, table[:, i])) for i, p in enumerate(likelihood.parameters)}
-    for k, name in enumerate(likelihood.names):
-        path[name] = tuple(
-            float(point.outputs[k]) if point.outputs.size else math.nan for point in points
-        )
-    return path
-
-
-def _without_value(scans: Scans, name: str, basis: Basis) -> Profile:
+def _without_value(scans: Scans, name: str, unit: str) -> Profile:
     """An output that has no value where the data lead, or that nothing moves."""
-    k = scans.optimum.likelihood.names.index(name)
-    best = float(scans.optimum.expansion.sample.outputs[k])
+    best = float(scans.optimum.expansion.sample.outputs[scans.optimum.likelihood.names.index(name)])
     range_ = scans.ranges.get(name)
     box = NOWHERE if range_ is None else (range_.low, range_.high)
+    is_exact = math.isfinite(best) and not box[1] > box[0]
+    box = (best, best) if is_exact else box
     value = OutputEstimate(
         name=name,
         value=best,
-        unit=basis.units.get(name, ""),
+        unit=unit,
+        std=0.0 if is_exact else math.nan,
         ci68=box,
         ci95=box,
         lower=box[0],
         upper=box[1],
-        shrinkage=0.0,
-        status=Verdict.UNKNOWN,
-        reason=phrase("status", "no_value"),
+        closed_by=("data", "data") if is_exact else ("", ""),
+        shrinkage=1.0 if is_exact else 0.0,
+        status=Verdict.DETERMINED if is_exact else Verdict.UNKNOWN,
+        reason=phrase("status", "exact" if is_exact else "no_value"),
         method="profile",
     )
-    if not (math.isfinite(best) and not box[1] > box[0]):
-        lost = (STOPPED["failed"], STOPPED["failed"])
-        none = Scan(sigma=math.nan, values=(), delta_chi2=(), path={}, stopped=lost)
-        return Profile(value, none)
-    exact = replace(
-        value,
-        std=0.0,
-        ci68=(best, best),
-        ci95=(best, best),
-        lower=best,
-        upper=best,
-        closed_by=("data", "data"),
-        shrinkage=1.0,
-        status=Verdict.DETERMINED,
-        reason=phrase("status", "exact"),
-    )
-    return Profile(exact, Scan(sigma=0.0, values=(best,), delta_chi2=(0.0,), path={}))
+    if is_exact:
+        return Profile(value, Scan(sigma=0.0, values=(best,), delta_chi2=(0.0,), path={}))
+    failed = (STOPPED["failed"], STOPPED["failed"])
+    return Profile(value, Scan(sigma=math.nan, values=(), delta_chi2=(), path={}, stopped=failed))

@@ -15,7 +15,7 @@ from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
 from fitting.inference.findings import in_order
 from fitting.inference.infer import Inference
-from fitting.inference.inferred import Inferred
+from fitting.inference.likelihood.knowledge import Inferred
 from fitting.measurements.sweep import Sweep
 from fitting.result.result import (
     Cost,

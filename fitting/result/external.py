@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from fitting.inference.joint import ExternalTest
+from fitting.inference.likelihood.knowledge import ExternalTest
 from fitting.result.result import Result
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.estimate import FittedEstimate

@@ -13,8 +13,7 @@ from typing import Protocol
 
 from fitting.fit.alternative import AlternativeResult
 from fitting.fit.path import HistoryRow
-from fitting.inference.inferred import Inferred
-from fitting.inference.joint import ExternalTest
+from fitting.inference.likelihood.knowledge import ExternalTest, Inferred
 from fitting.inference.sweep_line import SweepLine
 from fitting.result.schema import SCHEMA, upgraded
 from fitting.simulate.budget import PlanRecord

@@ -138,6 +138,21 @@ def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
     return tuple(sorted({float(abs(f)) for f in lines if f}))
 
 
+def beside_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
+    """Positive frequencies of lines with sum k_i = 1 and 2 <= sum |k_i| <= ``order``: 2 u1 - u2.
+
+    Of tones close to each other these are the combinations close to them.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+        order: highest sum of the absolute factors.
+    """
+    tones = [exact(f) for f in tones_hz]
+    factors = [k for k in mixed_lines(len(tones), order) if abs(sum(k)) == 1 < sum(map(abs, k))]
+    lines = {abs(sum(a * f for a, f in zip(k, tones, strict=True))) for k in factors}
+    return tuple(sorted(float(f) for f in lines - {*tones, 0}))
+
+
 def combination_name(factors: Sequence[int], names: Sequence[str]) -> str:
     """Words for factors, positive terms first: "2 u1 - u2" for (2, -1) and (u1, u2).
 

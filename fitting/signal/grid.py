@@ -18,12 +18,12 @@ from fitting.signal.spectrum import Band, plan_band
 from fitting.signal.tones import common_period, exact, tone_design, tones_in_words
 from fitting.signal.window import (
     LARGEST_CONDITION,
-    LONGEST_WINDOW_S,
     SPARE_SAMPLES,
     TRIED_SAMPLES,
     Window,
     folded,
     kept_apart,
+    longest_window_s,
     whole_steps,
 )
 from fitting.text.arrays import FloatArray
@@ -32,6 +32,8 @@ from fitting.text.notation import hertz
 
 #: Common periods of tones and steps that are tried for a number of samples that divides them.
 MOST_PERIODS = 8
+#: Steps of the FMU in a window, at most.
+MOST_STEPS = 1e5
 #: Sampling steps that are tried for tones without a common period.
 TRIED_STEPS = 400
 #: Samples of a spectrum, at least.
@@ -88,6 +90,17 @@ class Grid:
 ANY_TIME = Grid()
 
 
+def longest_common_s(grid: Grid, tones_hz: Sequence[float]) -> float:
+    """Longest time with whole periods of tones that is waited for, s.
+
+    Args:
+        grid: at which times the FMU is asked.
+        tones_hz: frequencies of the tones, Hz.
+    """
+    longest_s = longest_window_s(tones_hz)
+    return min(longest_s, MOST_STEPS * grid.step_s) if grid.step_s else longest_s
+
+
 def window_on(
     grid: Grid,
     tones_hz: Sequence[float],
@@ -95,7 +108,7 @@ def window_on(
     *,
     samples_per_period: int = 0,
     mixtures_hz: Sequence[float] = (),
-    longest_s: float = LONGEST_WINDOW_S,
+    longest_s: float = math.inf,
 ) -> Window:
     """Window for known tones as `plan_window` plans it, with every sample on a grid.
 
@@ -121,7 +134,7 @@ def window_on(
         )
     least = 2 * len(tones) + 1 + SPARE_SAMPLES
     common = grid.whole_s(tones)
-    if common <= longest_s:
+    if common <= min(longest_s, longest_common_s(grid, tones)):
         for steps, samples in _divided(common, exact(grid.step_s), least):
             cycles = [int(exact(tone) * steps * exact(grid.step_s)) for tone in tones]
             others = {int(exact(f) * steps * exact(grid.step_s)) for f in mixtures_hz}

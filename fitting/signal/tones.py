@@ -48,26 +48,29 @@ class ToneFit:
     """Least squares of a mean and known tones on samples taken at known times.
 
     y(t) = c + sum_k a_k cos 2 pi f_k t + b_k sin 2 pi f_k t, phasor a_k - i b_k. `tones_hz`
-    (tones,), `times_s` (samples,). The projector is made once for all samples at these times.
+    (tones,), `times_s` (samples,); `beside_hz` are lines that are fitted as well and not reported.
+    The projector is made once for all samples at these times.
     """
 
     tones_hz: tuple[float, ...]
     times_s: FloatArray
+    beside_hz: tuple[float, ...] = ()
 
     @cached_property
     def design(self) -> FloatArray:
-        """Columns 1, cos 2 pi f t, sin 2 pi f t, ...: shape (samples, 1 + 2 tones)."""
-        return tone_design(self.tones_hz, self.times_s)
+        """Columns 1, cos 2 pi f t, sin 2 pi f t, ...: shape (samples, 1 + 2 lines)."""
+        return tone_design((*self.tones_hz, *self.beside_hz), self.times_s)
 
     @cached_property
     def projector(self) -> FloatArray:
-        """The fit as a matrix on the samples, (1 + 2 tones, samples)."""
+        """The fit as a matrix on the samples, (1 + 2 lines, samples)."""
         return np.asarray(np.linalg.pinv(self.design))
 
     @cached_property
     def reader(self) -> ComplexArray:
         """The phasors of the fit as a matrix on the samples, (tones, samples)."""
-        return np.asarray(self.projector[1::2] - 1j * self.projector[2::2])
+        phasors = self.projector[1::2] - 1j * self.projector[2::2]
+        return np.asarray(phasors[: len(self.tones_hz)])
 
     @cached_property
     def condition(self) -> float:
@@ -82,7 +85,7 @@ class ToneFit:
     def __call__(self, values: FloatArray) -> FittedTones:
         """Fit samples, shape (samples,) or (samples, outputs)."""
         fitted = self.projector @ values
-        phasors = fitted[1::2] - 1j * fitted[2::2]
+        phasors = (fitted[1::2] - 1j * fitted[2::2])[: len(self.tones_hz)]
         return FittedTones(fitted[0], phasors, np.asarray(values - self.design @ fitted))
 
 

@@ -21,8 +21,8 @@ from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz
 
-#: A common period longer than this is given up for a tone fit, s.
-LONGEST_WINDOW_S = 100.0
+#: Periods of the fastest tone in a common period, at most: times are doubles.
+LONGEST_PERIODS = 1e9
 #: Samples beyond the unknowns (two per tone and the mean), by which a misfit shows.
 SPARE_SAMPLES = 2
 #: Numbers of samples tried from the least on, until one keeps the tones apart.
@@ -45,7 +45,8 @@ class Window:
     `held_steps` is the number of input steps in one sampling step, 0 for tones that the model
     makes itself. `condition` is that of the tone fit where the window is not coherent, else 1.
     `mixture_bins` are Fourier bins of lines that the response may hold beside the tones, and
-    `mixtures` the number of these lines. `longest_s` is the longest communication step (0: any), s.
+    `mixtures` the number of these lines; without whole periods they are fitted beside the tones,
+    `beside_hz`. `longest_s` is the longest communication step (0: any), s.
 
     Raises:
         ValueError: too few samples for the tones, or times that are not positive.
@@ -60,6 +61,7 @@ class Window:
     condition: float = 1.0
     mixture_bins: tuple[int, ...] = ()
     mixtures: int = 0
+    beside_hz: tuple[float, ...] = ()
     longest_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -85,7 +87,7 @@ class Window:
     @cached_property
     def fit(self) -> ToneFit:
         """The fit of the tones at these times."""
-        return ToneFit(self.tones_hz, self.times_s())
+        return ToneFit(self.tones_hz, self.times_s(), self.beside_hz)
 
     def read(self, values: FloatArray) -> FittedTones:
         """Mean and tones in samples, shape (samples,) or (samples, outputs).
@@ -114,6 +116,15 @@ class Window:
     def _require_planned(self, values: FloatArray) -> None:
         if values.shape[:1] != (self.samples,):
             raise ValueError(f"{values.shape[0]} samples, planned were {self.samples}")
+
+
+def longest_window_s(tones_hz: Sequence[float]) -> float:
+    """Longest common period of tones (Hz) that is waited for, s.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+    """
+    return LONGEST_PERIODS / max(tones_hz)
 
 
 def folded(cycles: int, samples: int) -> int:
@@ -170,15 +181,14 @@ def plan_window(
     *,
     samples_per_period: int = 0,
     mixtures_hz: Sequence[float] = (),
-    spare: int = SPARE_SAMPLES,
-    longest_s: float = LONGEST_WINDOW_S,
+    beside_hz: tuple[float, ...] = (),
+    longest_s: float = math.inf,
 ) -> Window:
     """Window for known tones: coherent where they have a common period, else for a tone fit.
 
     `samples_per_period` > 0 is for a drive that is held over steps: the steps divide the window.
     No line of `mixtures_hz`, of which the response may hold any amount, is seen as one of the
-    tones. `spare` samples are taken beyond the unknowns; a common period beyond `longest_s` is
-    given up.
+    tones. A common period beyond `longest_s` is given up.
 
     Args:
         tones_hz: frequencies of the tones, Hz.
@@ -186,7 +196,7 @@ def plan_window(
         samples_per_period: steps in a period of the fastest tone for which an input is held; 0:
             none is.
         mixtures_hz: combinations of the tones that the window must hold, Hz.
-        spare: samples that may be left over.
+        beside_hz: lines that are fitted beside tones without a common period, Hz.
         longest_s: longest window, s.
 
     Raises:
@@ -194,8 +204,8 @@ def plan_window(
             beside them.
     """
     tones = tuple(float(tone) for tone in tones_hz)
-    least = 2 * len(tones) + 1 + spare
-    common = common_period(tones)
+    least = 2 * len(tones) + 1 + SPARE_SAMPLES
+    common, longest_s = common_period(tones), min(longest_s, longest_window_s(tones))
     samples = None
     if common <= longest_s or len(tones) == 1:
         samples = coherent_samples(tones, common, least, mixtures_hz)
@@ -205,7 +215,7 @@ def plan_window(
             f"distinguished; wanted frequencies with a common period up to {longest_s:g} s"
         )
     if samples is None:
-        return _incoherent(tones, settle_s, least + 4, samples_per_period)
+        return _incoherent(tones, beside_hz, settle_s, least + 4, samples_per_period)
     period = float(common)
     held = 0
     if samples_per_period:
@@ -225,13 +235,22 @@ def plan_window(
 
 
 def _incoherent(
-    tones: tuple[float, ...], settle_s: float, samples: int, samples_per_period: int
+    tones: tuple[float, ...],
+    beside: tuple[float, ...],
+    settle_s: float,
+    samples: int,
+    samples_per_period: int,
 ) -> Window:
     gaps = [abs(a - b) for i, a in enumerate(tones) for b in tones[:i]]
     if gaps and min(gaps) <= 0.0:
         raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
     span = 1.0 / min([*gaps, *tones])  # the mean is a tone of 0 Hz: keep off it as well
-    best, best_step = _best_step(tones, samples, span)
+    wanted, (best, best_step) = samples, (math.inf, 0.0)
+    for near in (beside, ()):  # of tones far apart combinations come close to each other
+        samples = wanted + 2 * len(near)
+        best, best_step = _best_step((*tones, *near), samples, span)
+        if best <= LARGEST_CONDITION:
+            break
     if best > LARGEST_CONDITION:
         raise BadInput(
             f"drive frequencies {tones} Hz: no sampling distinguishes them (condition {best:.3g}); "
@@ -247,6 +266,8 @@ def _incoherent(
             coherent=False,
             held_steps=held,
             condition=best,
+            mixtures=len(near),
+            beside_hz=near,
         )
     )
 

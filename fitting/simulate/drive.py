@@ -10,11 +10,15 @@ from functools import lru_cache, partial
 import numpy as np
 
 from fitting.fmu import InputSignal, Run, Segment, row_times
-from fitting.signal.combinations import mixed_hz
-from fitting.signal.grid import ANY_TIME, Grid, window_on
+from fitting.signal.combinations import beside_hz, mixed_hz
+from fitting.signal.grid import ANY_TIME, Grid, longest_common_s, window_on
 from fitting.signal.tones import ToneFit
-from fitting.signal.window import LONGEST_WINDOW_S, SPARE_SAMPLES, Window, plan_window, whole_steps
+from fitting.signal.window import Window, plan_window, whole_steps
 from fitting.text.arrays import Scalar
+
+#: Combinations of the tones that are fitted beside them where there are no whole periods: of the
+#: order of a cubic term's shift of its own lines.
+NEAR_ORDER = 5
 
 
 @dataclass(frozen=True)
@@ -67,9 +71,7 @@ class Drive:
         """The fastest of them, Hz."""
         return max(self.lines_hz)
 
-    def window(
-        self, settle_s: float, order: int = 1, longest_s: float = LONGEST_WINDOW_S
-    ) -> Window:
+    def window(self, settle_s: float, order: int = 1, longest_s: float = math.inf) -> Window:
         """When to sample it, after that time of settling.
 
         No combination of the tones up to `order` folds onto a line that is read; common periods
@@ -183,10 +185,14 @@ def _window(
 ) -> Window:
     lines_hz, tones_hz = lines_and_tones_hz
     whole_s = grid.whole_s(lines_hz)
+    longest_s = min(longest_s, longest_common_s(grid, lines_hz))
     coherent = whole_s <= longest_s or (len(lines_hz) == 1 and not grid.step_s)
     mixtures_hz = mixed_hz(tones_hz, order) if coherent else ()
-    spare = SPARE_SAMPLES if coherent else SPARE_SAMPLES + 4 * (order - 1)
-    plan = partial(window_on, grid) if grid.step_s else partial(plan_window, spare=spare)
+    # without whole periods a combination close to a tone leaks into it, at every time otherwise
+    near = () if coherent else beside_hz(tones_hz, max(order, NEAR_ORDER))
+    plan = partial(plan_window, beside_hz=tuple(f for f in near if f not in lines_hz))
+    if grid.step_s:
+        plan = partial(window_on, grid)
     result = plan(
         lines_hz,
         settle_s,

@@ -20,7 +20,7 @@ from fitting.signal.window import Window
 from fitting.simulate.batch import Workers
 from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind, PlanRecord
 from fitting.simulate.drive import Drive
-from fitting.simulate.probe import CHEAPER, Knowledge, Probe, Reading, attempt
+from fitting.simulate.probe import CHEAPER, ORDERS, Knowledge, Probe, Reading, attempt
 from fitting.simulate.settling import QUIET, SAFETY, Settled, settle, settle_as_prescribed
 from fitting.simulate.solver import (
     accepted_grid,
@@ -39,8 +39,6 @@ from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.notation import hertz
 from fitting.text.units import checked_accuracy
 
-#: Combinations of the tones that do not fold onto a tone, tried in this order.
-ORDERS = (1, 5, 11, 21, 41)
 #: A tolerance is tried from so many times its share on, where it is the very run that is planned.
 COARSE = 400.0
 #: Held steps of an input in a period, at most.

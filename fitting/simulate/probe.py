@@ -13,7 +13,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -25,12 +25,14 @@ from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.runs import communication_steps
 from fitting.fmu.variables import VariableLike
 from fitting.signal.grid import Grid
-from fitting.signal.window import LONGEST_WINDOW_S, Window
+from fitting.signal.window import Window
 from fitting.simulate.batch import Workers
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
-from fitting.text.errors import FmuFailure, NoAnswer
+from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
+#: Combinations of the tones that do not fold onto a tone, tried in this order.
+ORDERS = (1, 5, 11, 21, 41)
 #: A tone below this part of an output's largest value is none: it is rounding.
 NOTHING = 1e-12
 #: A coherent window longer than this many beats is given up where time costs, for a tone fit.
@@ -75,7 +77,7 @@ class Knowledge:
 
     `step_s` is the step that it was made for (None: it declares none), and `fixed_step` whether its
     solver takes no other; `exchange`: its equations are integrated here, and an input is no
-    staircase.
+    staircase. `slow`: settings with which steps of its solver follow the beats of the tones alone.
     """
 
     annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
@@ -83,6 +85,7 @@ class Knowledge:
     step_s: float | None = None
     fixed_step: bool = False
     exchange: bool = False
+    slow: tuple[Mapping[str, Scalar], ...] = ()
 
     @property
     def is_foreign(self) -> bool:
@@ -112,6 +115,7 @@ def knowledge_of(
         step_s=description.step_s,
         fixed_step=description.fixed_step,
         exchange=description.exchange is not None,
+        slow=tuple(reduction.set for reduction in merged.reductions if reduction.slow),
     )
 
 
@@ -191,7 +195,7 @@ class Probe:
     known: Knowledge = field(default_factory=Knowledge)
     _: KW_ONLY
     of_largest: bool = False
-    longest_s: float = LONGEST_WINDOW_S
+    longest_s: float = math.inf
     _readings: dict[object, list[Reading]] = field(default_factory=dict)
     _acting: dict[object, bool] = field(default_factory=dict)
 
@@ -249,6 +253,26 @@ class Probe:
             answers = self.workers.run(self._runs(settings, windows))
             self._readings[key] = list(map(_reading, self.drives, windows, answers))
         return self._readings[key]
+
+    def separating(
+        self, settings: Mapping[str, Scalar], settle_s: float, wanted: float
+    ) -> Probe | None:
+        """The same of windows that keep enough combinations of the tones off them; None: these do.
+
+        Args:
+            settings: values of FMU variables, by name.
+            settle_s: time before the first sample, s.
+            wanted: relative error by combinations that is none.
+        """
+        found: dict[int, list[Reading]] = {}
+        for order in ORDERS:
+            with suppress(BadInput):  # no sampling keeps so many lines off the tones
+                found[order] = self.read(settings, settle_s, order)
+        finest = found[max(found)]
+        least = next(k for k, read in found.items() if self.errors(read, finest) <= wanted)
+        if least == ORDERS[0]:
+            return None
+        return self.with_drives(tuple(replace(d, highest_order=least) for d in self.drives))
 
     def largest(self, settings: Mapping[str, Scalar], settle_s: float, output: str) -> float:
         """Largest size of a further output at the samples of every drive.
@@ -385,7 +409,9 @@ class Probe:
             if work <= TIMED:
                 runs = self._runs(settings, self.windows(settle_s))[:MOST_TIMED]
             else:
-                rate, step_s = self.substeps_per_s(settings), 1.0 / (FINEST * self.fastest_hz)
+                # where none are counted, communication steps alone are what is many
+                rate = self.substeps_per_s(settings) or self.fastest_hz
+                step_s = 1.0 / (FINEST * self.fastest_hz)
                 runs = [d.run_at(settings, TIMED / rate, step_s, 2) for d in timed]
                 scale *= (work / TIMED) ** power
             evaluations.append(partial(self.workers.run, runs))
@@ -416,7 +442,13 @@ class Probe:
         # steps that a solver chooses follow the fastest beat; at most twice those of substeps
         span_hz = max(max(drive.tones_hz) - min(drive.tones_hz) for drive in self.drives)
         beats = min(BEAT_STEPS * span_hz, 2.0 * SUBSTEPS * self.fastest_hz)
-        return UNNAMED * self.fastest_hz + beats
+        chosen = {**self.drives[0].start_values, **settings}
+
+        def value(name: str) -> Scalar | None:
+            return chosen.get(name, getattr(self.known.variables.get(name), "start", None))
+
+        slow = any(all(value(k) == v for k, v in each.items()) for each in self.known.slow)
+        return beats if slow else UNNAMED * self.fastest_hz + beats
 
     def acts_as_substep(self, settings: Mapping[str, Scalar]) -> bool:
         """Whether the parameter that is called a substep changes anything with these settings.

@@ -17,7 +17,7 @@ from fitting.signal.combinations import USUAL_ORDER, mixed_lines
 from fitting.signal.grid import band_on
 from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band
 from fitting.signal.tones import ToneFit, exact, fit_tones, tones_in_words, unit_hint
-from fitting.signal.window import LONGEST_WINDOW_S
+from fitting.signal.window import longest_window_s
 from fitting.simulate.batch import Workers
 from fitting.simulate.budget import Kind
 from fitting.simulate.drive import Drive
@@ -260,7 +260,7 @@ def _band(drive: Drive, shown: Shown) -> tuple[Band, bool]:
     """Where the spectrum is seen, and whether it holds whole periods of every tone."""
     band = plan_band(
         drive.tones_hz,
-        longest_s=LONGEST_WINDOW_S,
+        longest_s=longest_window_s(drive.tones_hz),
         window_s=shown.window_s,
         samples=shown.samples,
     )
@@ -268,7 +268,9 @@ def _band(drive: Drive, shown: Shown) -> tuple[Band, bool]:
     if not drive.grid.step_s:
         return result, coherent
     chosen = shown != Shown()
-    return band_on(drive.grid, drive.tones_hz, LONGEST_WINDOW_S, result, chosen), True
+    return band_on(
+        drive.grid, drive.tones_hz, longest_window_s(drive.tones_hz), result, chosen
+    ), True
 
 
 def _rounded_band(tones: tuple[float, ...], shown: Shown) -> Band:
@@ -285,7 +287,7 @@ def _rounded_band(tones: tuple[float, ...], shown: Shown) -> Band:
     except BadInput as error:
         cause = error  # speaks of the rounded tones, which nobody has written
     raise BadInput(
-        f"{tones_in_words(tones)}: no common period within {LONGEST_WINDOW_S:g} s, and no "
+        f"{tones_in_words(tones)}: no common period within {longest_window_s(tones):g} s, and no "
         f"sampling of {window_s:g} s keeps them within one band{unit_hint(tones)}"
     ) from cause
 

@@ -25,6 +25,8 @@ SAFETY = 2.0
 #: Amplitudes that differ by no more than so many times what they repeat to do not move, and how
 #: much longer the time is when that is looked at again.
 NOISY, LOOK_AGAIN = 4.0, 4.0
+#: Doublings after which changes that do not die away may be combinations seen as tones.
+MIXING = 5
 #: Digits of a time to settle: no plan depends on the last bit of a reading.
 DIGITS = 3
 #: Beats between where a moved tone comes from and where it goes, in the first time tried.
@@ -72,6 +74,8 @@ def settle(
     wanted: float,
     work: float,
     longest_s: float = math.inf,
+    *,
+    mixes: bool = True,
 ) -> Settled:
     """Double the time until amplitudes stand still: twice in a row, and dying away.
 
@@ -85,6 +89,7 @@ def settle(
         work: of the longest run, in steps.
         longest_s: longest time to settle, s. Looks that only confirm that a time within it does
             may lie beyond it.
+        mixes: whether combinations of several tones may be seen as tones.
     """
     # ten periods, a part of the windows, and where a tone is moved enough of its beat with where
     # it came from: less shows no change of what has not settled
@@ -99,6 +104,7 @@ def settle(
     most_s = min(longest_s, max(MOST_PERIODS / probe.fastest_hz, first_s))
     times, observed, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
     looked_s, moves_later = 0.0, False
+    mixes = mixes and any(len(drive.tones_hz) > 1 for drive in probe.drives)
     for k in itertools.count():
         time_s = first_s * 2.0**k
         # once a change is small enough, one doubling more shows whether the next one is so too
@@ -120,6 +126,12 @@ def settle(
                 return Settled(decision, tuple(observed[-1]), settings)
         # a change that is neither small enough nor on its way there may be noise of the FMU's own
         lingers = k >= 2 and here > max(QUIET * wanted, DYING * min(before))
+        if lingers and mixes and k >= MIXING:
+            # combinations that are seen as tones add to these with a phase of their own every time
+            separate = probe.separating(settings, time_s, QUIET * wanted)
+            if separate is not None:
+                return settle(separate, settings, wanted, work, longest_s, mixes=False)
+            mixes = False
         if not (probe.known.is_foreign and lingers) or time_s < LOOK_AGAIN * looked_s:
             continue
         looked_s = time_s

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.signal.window import LONGEST_WINDOW_S, Window
+from fitting.signal.window import LONGEST_PERIODS, Window
 from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.planner import DrivePlan
@@ -55,7 +55,7 @@ def spectrum_in_words(spectrum: Spectrum) -> str:
     Args:
         spectrum: of the response.
     """
-    return str(blocks("plan").spectrum(spectrum, LONGEST_WINDOW_S))
+    return str(blocks("plan").spectrum(spectrum, LONGEST_PERIODS))
 
 
 def settling_in_words(plan: DrivePlan) -> str:

@@ -5,7 +5,7 @@ They stand by themselves, so that the help of a command knows them before any li
 
 from __future__ import annotations
 
-#: Forms of the misfit, see `fitting.fit.evaluator`.
+#: Forms of the misfit, see `fitting.fit.objective`.
 MISFITS = ("slack", "absolute", "squares")
 #: Whose estimate is reported: the likelihood's, or where Algorithm 2 ends.
 LIKELIHOOD, ALGORITHM2 = ESTIMATORS = ("likelihood", "algorithm2")

@@ -17,9 +17,8 @@ from fitting.campaign.binder import Binder
 from fitting.campaign.drift import bind_drift
 from fitting.campaign.measured import Experiment
 from fitting.campaign.parameters import Parameter
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.interior_point import solve
-from fitting.fit.objective import Objective, weights
+from fitting.fit.objective import Evaluator, Objective, weights
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description

@@ -11,11 +11,10 @@ import pytest
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.file import WrittenNoise
 from fitting.campaign.noise import Noise, repeat_scatter, sweep_scale_sigma, sweep_sigmas
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.interior_point import solve
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
-from fitting.fit.objective import Objective, evaluate_many, make_objective
+from fitting.fit.objective import Evaluator, Objective, evaluate_many, make_objective
 from fitting.fit.problem import problem_of
 from fitting.fmu import read_description
 from fitting.inference.checks.mistakes import outlying_peaks

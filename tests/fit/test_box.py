@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import Parameter, to_model, to_search
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
-from fitting.fit.objective import make_objective
+from fitting.fit.objective import Evaluator, make_objective
 from fitting.fit.search import Box, Minimum, along_edges, lowest, screened, search_box, worth
 from fitting.fit.twins import find_twins
 from fitting.text.arrays import FloatArray

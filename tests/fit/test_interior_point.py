@@ -9,9 +9,8 @@ import pytest
 from scipy.optimize import least_squares, linprog
 
 from fitting.campaign.parameters import search_bounds
-from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.interior_point import inside, second_value, solve
-from fitting.fit.objective import Objective, make_objective
+from fitting.fit.objective import Evaluator, Objective, make_objective, total
 from fitting.fit.path import own_start
 from tests.support import closed_form
 from tests.support.rows import rows_evaluator

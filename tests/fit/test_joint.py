@@ -18,14 +18,14 @@ import pytest
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
 from fitting.fit.alternative import search_alternative
-from fitting.fit.evaluator import Evaluator
-from fitting.fit.objective import Objective, evaluate_many
+from fitting.fit.objective import Evaluator, Objective, evaluate_many
 from fitting.fit.options import Schedule, options_of
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.estimates import outputs_of
-from fitting.inference.joint import JointResult, consistency
+from fitting.inference.joint import consistency
+from fitting.inference.likelihood.knowledge import JointResult
 from fitting.lab.bench import measure
 from fitting.lab.benches import changed, string_bench
 from fitting.lab.instruments.lock_in import LockIns

@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import search_bounds, to_model, to_search
-from fitting.fit.evaluator import Evaluator, total
 from fitting.fit.objective import (
+    Evaluator,
     Objective,
     evaluate_many,
     jacobian,
     make_objective,
     noise_level,
+    total,
 )
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation

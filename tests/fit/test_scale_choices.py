@@ -16,9 +16,8 @@ import pytest
 
 from fitting.campaign import bind, read_campaign
 from fitting.campaign.noise import Noise, scale_parameter, sweep_scale_sigma, sweep_sigmas
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.interior_point import solve
-from fitting.fit.objective import Objective, weights
+from fitting.fit.objective import Evaluator, Objective, weights
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description

@@ -14,8 +14,7 @@ from scipy.optimize import differential_evolution
 import fitting as ff
 from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
 from fitting.fit.alternative import Outcome, search_alternative, with_values
-from fitting.fit.evaluator import Evaluator
-from fitting.fit.objective import Objective, make_objective
+from fitting.fit.objective import Evaluator, Objective, make_objective
 from fitting.fit.options import Options, Schedule
 from fitting.fit.path import Course, follow_path, own_start
 from fitting.fit.search import Box, search_box

@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import solve_problem
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
-from fitting.fit.objective import Objective, make_objective
+from fitting.fit.objective import Evaluator, Objective, make_objective
 from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
 from fitting.fit.search import Box, search_box

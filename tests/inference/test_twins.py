@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from fitting.campaign.parameters import to_search
-from fitting.fit.evaluator import Evaluator
 from fitting.fit.fit import Status, fit_from, solve_problem
 from fitting.fit.noise import RowNoise
-from fitting.fit.objective import make_objective
+from fitting.fit.objective import Evaluator, make_objective
 from fitting.fit.options import Options, Schedule
 from fitting.fit.path import own_start
 from fitting.fit.problem import Problem

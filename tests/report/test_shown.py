@@ -10,7 +10,7 @@ import pytest
 
 from fitting.campaign import BoundCampaign, Drift
 from fitting.fit.problem import problem_of
-from fitting.inference.joint import JointResult, SeriesPart
+from fitting.inference.likelihood.knowledge import JointResult, SeriesPart
 from fitting.report.shown import shares_of, shown_campaign, shown_problem
 from tests.support import closed_form
 from tests.support import report_records as records

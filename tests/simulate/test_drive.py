@@ -43,10 +43,13 @@ def test_no_combination_is_seen_where_a_line_is_read(order: int, highest: int) -
 def test_tones_without_a_common_period_are_told_apart_by_their_samples() -> None:
     tones = (1000.0, 1000.0 + 10.0 * 2.0**0.5)
     drive = replace(DRIVE, tones_hz=tones)
-    plain, more = drive.window(0.1), drive.window(0.1, 5)
+    plain, more = drive.window(0.1), drive.window(0.1, 9)
     assert not plain.coherent
     assert plain.condition < 3.0
-    assert more.samples > plain.samples  # that lines beside the tones average out
+    assert more.samples > plain.samples
+    assert set(plain.beside_hz) < set(more.beside_hz)
+    near = [f for f in more.beside_hz if abs(f - 2.0 * tones[0] + tones[1]) < 1e-9]
+    assert len(near) == 1
     coherent = drive.window(0.1, 1, 1e-9)
     assert not coherent.coherent
     assert replace(DRIVE, tones_hz=(1000.0 * 2.0**0.5,)).window(0.1, 1, 1e-9).coherent

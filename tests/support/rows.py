@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting.campaign.parameters import Parameter
-from fitting.fit.evaluator import Evaluator
-from fitting.fit.objective import Objective
+from fitting.fit.objective import Evaluator, Objective
 from fitting.measurements.measurement import Evaluation
 from fitting.text.arrays import FloatArray
 from tests.support.datasets import answer, dataset

@@ -248,7 +248,7 @@ def check_assumptions(solved: Solved) -> Iterator[Finding]:
             by_words.setdefault(assumption.words, {})[series] = assumption
     for words, by_series in by_words.items():
         try:
-            moved = _moved(solution, by_series)
+            moved = _refit(solution, by_series)
             numbers = _shifts(solution, moved, known)
         except (FmuFailure, BadInput, OutOfBudget, np.linalg.LinAlgError):
             continue
@@ -256,7 +256,7 @@ def check_assumptions(solved: Solved) -> Iterator[Finding]:
         yield note(Kind.assumption, words, None, **numbers)
 
 
-def _moved(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:
+def _refit(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:
     first, x = next(iter(assumed.values())), solution.final.x
     if first.setup is None:  # another start of the same model
         parameters = solution.parameters
@@ -264,7 +264,7 @@ def _moved(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:
         other = {name: law.value(fitted) for name, law in first.start.items()}
         start = [other.get(p.name, float(fitted[p.name])) for p in parameters]
         begin = to_search(parameters, np.array(start, dtype=float))
-        return _fitted(solution, solution.objective, begin)
+        return _fit_from(solution, solution.objective, begin)
     response = solution.objective.response
     assert isinstance(response, FmuResponse)  # noqa: S101 - asked by the caller
     models = dict(response.models)
@@ -272,10 +272,10 @@ def _moved(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:
         if assumption.setup is not None:
             models[series] = replace(models[series], setup=assumption.setup)
     objective = replace(solution.objective, response=replace(response, models=models))
-    return _followed(solution, objective) or _fitted(solution, objective, x)
+    return _follow_slopes(solution, objective) or _fit_from(solution, objective, x)
 
 
-def _followed(solution: Solution, other: Objective) -> _Moved | None:
+def _follow_slopes(solution: Solution, other: Objective) -> _Moved | None:
     """Where the fit of another model goes by the derivatives at the solution; None: it is too far.
 
     A few evaluations, where a fit of its own takes derivatives as well.
@@ -305,7 +305,7 @@ def _followed(solution: Solution, other: Objective) -> _Moved | None:
     return None
 
 
-def _fitted(solution: Solution, objective: Objective, x: FloatArray) -> _Moved:
+def _fit_from(solution: Solution, objective: Objective, x: FloatArray) -> _Moved:
     """Where a fit ends from a place, which may lie beyond the bounds: so may the fit."""
     likelihood = likelihood_of(objective, solution.noise)
     low, high = x - likelihood.widths, x + likelihood.widths

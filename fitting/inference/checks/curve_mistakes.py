@@ -13,8 +13,9 @@ law of the settings shifts curves, too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -63,9 +64,9 @@ class _Curve:
         return "/".join(filter(None, (self.measurement.series, what))) or "measurement"
 
     @property
-    def settings(self) -> Mapping[str, Scalar]:
+    def settings(self) -> dict[str, Scalar]:
         places = self.measurement.places
-        return places[self.order][1] if self.order < len(places) else {}
+        return dict(places[self.order][1]) if self.order < len(places) else {}
 
     def at(self, residuals: FloatArray) -> ResidualCurve:
         """The curve for other residuals of all rows (m,)."""
@@ -89,6 +90,10 @@ class Trial:
     slopes: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
 
+#: What is left of the misfit, of a trial.
+LEFT = attrgetter("chi_square")
+
+
 def curve_mistake(solution: Solution, *, tones: bool, apart: float) -> Iterator[Finding]:
     """The mistake that mends curves, if it is of one kind alone.
 
@@ -97,62 +102,50 @@ def curve_mistake(solution: Solution, *, tones: bool, apart: float) -> Iterator[
         tones: of peaks of experiments, else of all other curves.
         apart: share of the misfit that campaigns with values of their own leave.
     """
-    data, residuals = solution.objective.data, solution.final.residuals
+    data, residuals, x = solution.objective.data, solution.final.residuals, solution.final.x
     curves = [
         _Curve(m, at, order, curve)
         for m, at in zip(data.measurements, data.slices, strict=True)
         for order, curve in enumerate(m.residual_curves(residuals[at]))
         if curve.columns and isinstance(m, Tones) is tones
     ]
-    if not curves:
-        return
-    search, count = Search(solution, curves), residuals.size
-    by_kind = _candidates(curves, solution.final.x)
-    none = Trial(Kind.gain, (), np.empty(0), solution.final.x)
-    before = search.linear(none).chi_square
-    tried = sorted(map(search.promising, by_kind.values()), key=_left)
-    if excess_share(tried[0].chi_square, before, count) > WORTH_A_FIT:
-        return
-    if len(solution.parameters) <= MOST_FITTED:
-        before = search.fitted(none).chi_square
-        fits = [search.corrected_fit(by_kind[t.kind], before) for t in tried[:CANDIDATES]]
-        tried = sorted([*fits, *tried[CANDIDATES:]], key=_left)
-    shares = [excess_share(trial.chi_square, before, count) for trial in tried]
-    clear = shares[0] <= MOST_LEFT and min([*shares[1:], apart]) >= CLEARLY * shares[0]
-    if clear and search.leaves_noise(tried[0]):
-        yield _finding(tried[0], 1.0 - shares[0])
-
-
-def _left(trial: Trial) -> float:
-    return trial.chi_square
-
-
-def _candidates(curves: Sequence[_Curve], x: FloatArray) -> dict[Kind, list[Trial]]:
-    """By kind: a mistake of each curve alone; last one of all curves, each of its own size."""
-    candidates = {}
+    # by kind: a mistake of each curve alone; last one of all curves, each of its own size
+    by_kind: dict[Kind, list[Trial]] = {}
     for kind in dict.fromkeys(kind for each in curves for kind in each.curve.columns):
         mine = tuple(each for each in curves if kind in each.curve.columns)
         groups: list[tuple[_Curve, ...]] = [(each,) for each in mine]
         alike = kind is not Kind.shift or all(c.settings == mine[0].settings for c in mine)
         if 1 < len(mine) <= MOST_CURVES and alike:
             groups.append(mine)
-        candidates[kind] = [Trial(kind, group, np.zeros(len(group)), x) for group in groups]
-    return candidates
-
-
-def _finding(trial: Trial, removed: float) -> Finding:
-    names = [curve.name for curve in trial.curves]
+        by_kind[kind] = [Trial(kind, group, np.zeros(len(group)), x) for group in groups]
+    if not by_kind:
+        return
+    search, count = Search(solution, curves), residuals.size
+    none = Trial(Kind.gain, (), np.empty(0), x)
+    before = search.linear(none).chi_square
+    tried = sorted(map(search.promising, by_kind.values()), key=LEFT)
+    if excess_share(tried[0].chi_square, before, count) > WORTH_A_FIT:
+        return
+    if len(solution.parameters) <= MOST_FITTED:
+        before = search.fitted(none).chi_square
+        fits = [search.corrected_fit(by_kind[t.kind], before) for t in tried[:CANDIDATES]]
+        tried = sorted([*fits, *tried[CANDIDATES:]], key=LEFT)
+    best, *others = (excess_share(trial.chi_square, before, count) for trial in tried)
+    is_clear = best <= MOST_LEFT and min([*others, apart]) >= CLEARLY * best
+    if not (is_clear and search.leaves_noise(tried[0])):
+        return
+    trial, names = tried[0], [curve.name for curve in tried[0].curves]
     size = float(trial.sizes[np.argmax(np.abs(trial.sizes))])
     if trial.kind is Kind.noise_level:
         # the factor q on a density whose deviance 2 (q - 1 - ln q) has this signed root
         branch = -1 if size > 0.0 else 0
         size = float(-lambertw(-np.exp(-1.0 - 0.5 * size**2), branch).real) - 1.0
-    numbers = {"size": size, "removed": removed, "curves": float(len(names))}
+    numbers = {"size": size, "removed": 1.0 - best, "curves": float(len(names))}
     if trial.kind is Kind.shift:
         is_trace = trial.curves[0].measurement.is_trace
         numbers["time_s" if is_trace else "frequency_hz"] = size
     subject = ", ".join(names) if len(names) < NAMED else f"{names[0]} to {names[-1]}"
-    return warning(trial.kind, subject, None, **numbers)
+    yield warning(trial.kind, subject, None, **numbers)
 
 
 class Search:
@@ -172,15 +165,13 @@ class Search:
     # --- one step of the linearised problem ---
 
     def promising(self, candidates: Sequence[Trial]) -> Trial:
-        """The candidate of which the linearised problem leaves least."""
-        return min(map(self.started, candidates), key=_left)
-
-    def started(self, trial: Trial) -> Trial:
-        """A linear step from no mistake, or from the best shift of a scan."""
-        starts = [trial]
-        if trial.kind is Kind.shift:
-            starts.append(replace(trial, sizes=np.array([self._scanned(c) for c in trial.curves])))
-        return min(map(self.linear, starts), key=_left)
+        """The candidate of which a linear step leaves least, from no mistake or the best shift."""
+        starts = [*candidates]
+        for trial in candidates:
+            if trial.kind is Kind.shift:
+                sizes = np.array([self._scanned(curve) for curve in trial.curves])
+                starts.append(replace(trial, sizes=sizes))
+        return min(map(self.linear, starts), key=LEFT)
 
     def linear(self, trial: Trial) -> Trial:
         """One step of all parameters and sizes, of the linearised problem."""
@@ -230,7 +221,7 @@ class Search:
         share = excess_share(fit.chi_square, before, self.sigma.size)
         if len(candidates) == len(alone) or share <= MOST_LEFT:
             return fit
-        return self.fitted(self.started(candidates[-1]))
+        return self.fitted(self.promising(candidates[-1:]))
 
     def fitted(self, trial: Trial) -> Trial:
         """A fit of parameters and sizes, from a trial or from no mistake, whichever is better."""
@@ -240,7 +231,7 @@ class Search:
             step, _ = self._step(here, jacobian(self.solution.objective, here.x))
             return lambda part: self.sized(self._moved(here, step, part))
 
-        return _descend(min(map(self.sized, (trial, nothing)), key=_left), direction, STEPS)
+        return _descend(min(map(self.sized, (trial, nothing)), key=LEFT), direction, STEPS)
 
     def sized(self, trial: Trial) -> Trial:
         """The best sizes, and the best values of what is solved inside, at parameters x."""

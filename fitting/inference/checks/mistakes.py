@@ -195,7 +195,7 @@ class Refit:
         return {"chi_square": self.chi_square, "freedom": self.freedom}
 
 
-def refitted(solution: Solution, objective: Objective, excluded: IntArray) -> Refit:
+def refit_of(solution: Solution, objective: Objective, excluded: IntArray) -> Refit:
     """The most likely point of an objective from a solution, without some rows.
 
     Args:
@@ -224,8 +224,18 @@ def outlying_experiment(solution: Solution) -> Iterator[Finding]:
     if len(groups) < 3:
         return
     rows = {label: np.array(mine, dtype=np.intp) for label, mine in groups.items()}
-    promising = sorted(rows, key=lambda label: _promised(solution, rows[label]))[:TRIED]
-    refits = {label: refitted(solution, solution.objective, rows[label]) for label in promising}
+
+    def left_by(label: str) -> float:
+        """Chi square of the linearised problem without an experiment."""
+        sigma, prior = solution.noise.sigma.copy(), inverse_priors(solution.parameters)
+        sigma[rows[label]] *= EXCLUDED
+        stacked = np.vstack([solution.matrix / sigma[:, None], np.diag(prior)])
+        target = np.append(solution.final.residuals / sigma, prior * solution.final.x)
+        remaining = target - stacked @ scaled_solution(stacked, target)
+        return float(remaining @ remaining)
+
+    promising = sorted(rows, key=left_by)[:TRIED]
+    refits = {label: refit_of(solution, solution.objective, rows[label]) for label in promising}
     good = [label for label, refit in refits.items() if refit.fits]
     if len(good) != 1:
         return
@@ -234,17 +244,6 @@ def outlying_experiment(solution: Solution) -> Iterator[Finding]:
     # rows are model/data - 1
     factor = float(np.mean(1.0 / np.maximum(1.0 + left, LEAST)))
     yield warning(Kind.outlier, label, None, **refits[label].numbers, factor=factor)
-
-
-def _promised(solution: Solution, excluded: IntArray) -> float:
-    """Chi square of the linearised problem without some rows."""
-    sigma = solution.noise.sigma.copy()
-    sigma[excluded] *= EXCLUDED
-    prior = inverse_priors(solution.parameters)
-    stacked = np.vstack([solution.matrix / sigma[:, None], np.diag(prior)])
-    target = np.append(solution.final.residuals / sigma, prior * solution.final.x)
-    left = target - stacked @ scaled_solution(stacked, target)
-    return float(left @ left)
 
 
 # --- exchanges ------------------------------------------------------------------------------------
@@ -307,8 +306,8 @@ def exchanged_drift(solved: Solved) -> Iterator[Finding]:
             response=response.answering(reversed_tones),
             data=replace(objective.data, measurements=reversed_tones),
         )
-        refit = refitted(solution, other, everything)
-        before = refitted(solution, objective, everything)
+        refit = refit_of(solution, other, everything)
+        before = refit_of(solution, objective, everything)
         left = excess_share(refit.chi_square, before.chi_square, refit.freedom)
         if refit.fits or left < MOST_LEFT_REVERSED:  # a drift that bends leaves some
             yield warning(Kind.drift_exchanged, name or "drift", None, **refit.numbers)

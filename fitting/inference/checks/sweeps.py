@@ -11,7 +11,6 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.parameters import Parameter
 from fitting.fit.options import LIKELIHOOD
 from fitting.inference.solved import Solved
-from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.inference.sweep_line import SweepLine, line_findings
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.peaks import DETECTION_SIGMA, unknown_line
@@ -49,25 +48,19 @@ SUSPECT = 0.1
 
 
 def check_lines(solved: Solved) -> Iterator[Finding]:
-    """What a reader of the lines of the sweeps must know, of one campaign."""
-    if solved.problem.is_joint:
-        return
-    fitted = any(m.rows for m in solved.problem.measurements if m.is_curve)
-    for line in solved.sweeps.lines.values():
+    """What a reader of the sweeps must know: of their lines, of points and tops that no line has.
+
+    Of one campaign; and points of files that are not fitted.
+    """
+    measurements, sweeps = solved.problem.measurements, solved.sweeps
+    fitted = any(m.rows for m in measurements if m.is_curve)
+    for line in () if solved.problem.is_joint else sweeps.lines.values():
         yield from line_findings(line, fitted=fitted)
-
-
-def check_faults(solved: Solved) -> Iterator[Finding]:
-    """Single points that no line makes, and tops or wings that no line has."""
-    yield from solved.sweeps.faults
-
-
-def check_left_out(solved: Solved) -> Iterator[Finding]:
-    """Points of files that are not fitted."""
+    yield from sweeps.faults
     for name, bound in solved.problem.campaigns.items():
         for finding in () if bound.sweep is None else bound.sweep.left_out:
             yield replace(finding, subject=name)
-    for measurement in solved.problem.measurements:
+    for measurement in measurements:
         for finding in measurement.left_out:
             yield replace(finding, subject=measurement.series)
 
@@ -80,13 +73,13 @@ def check_agreement(solved: Solved) -> Iterator[Finding]:
         numbers: dict[str, float] = {"sigmas": test.sigmas}
         if not math.isnan(test.factor):
             numbers |= {"factor": test.factor, "factor_std": test.factor_std}
-        reasons = tuple(why for value, why in FACTORS.items() if _is_factor(test, value))
-        names = {"reason": reasons[:1]}
+        reasons = [
+            why
+            for value, why in FACTORS.items()
+            if abs(test.factor / value - 1.0) < max(0.02, 3.0 * test.factor_std / value)
+        ]
+        names = {"reason": tuple(reasons[:1])}
         yield warning(Kind.scale_contradicted, test.series, names, **numbers)
-
-
-def _is_factor(test: SweepAgreement, value: float) -> bool:
-    return abs(test.factor / value - 1.0) < max(0.02, 3.0 * test.factor_std / value)
 
 
 def check_frequency_bounds(solved: Solved) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ Source: B. Efron and R. Tibshirani, An Introduction to the Bootstrap (1993), sec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 
 import numpy as np
@@ -63,7 +63,29 @@ def bootstrap(
         pending = [executor.submit(_refits, likelihood, expansion, part) for part in parts]
         refits = [refit for future in pending for refit in future.result()]
     done = [refit for refit in refits if refit is not None]
-    values = _values(likelihood, expansion, done, known) if len(done) > 1 else {}
+    parameters, columns = likelihood.parameters, dict[str, FloatArray]()
+    if len(done) > 1:
+        # periods are counted from where the value is reported
+        table = to_model(parameters, np.array([x for x, _ in done]))
+        off = table - to_model(parameters, expansion.x)
+        outputs = np.array([each for _, each in done])
+        for i, p in enumerate(parameters):
+            if p.name in known:
+                columns[p.name] = known[p.name].likely + off[:, i]
+        columns |= {name: outputs[:, k] for k, name in enumerate(likelihood.names) if name in known}
+    values = {}
+    for name, column in columns.items():
+        if known[name].status.has_value and np.all(np.isfinite(column)):
+            low, middle, high = np.percentile(column, [2.5, 50.0, 97.5])
+            values[name] = Estimate(
+                name=name,
+                value=float(middle),
+                unit=known[name].unit,
+                std=float(np.std(column, ddof=1)),
+                ci95=(float(low), float(high)),
+                status=known[name].status,
+                method="bootstrap",
+            )
     return Bootstrap(samples=samples, failed=samples - len(done), seed=seed, values=values)
 
 
@@ -77,51 +99,9 @@ def _refits(
     evaluator = LikelihoodEvaluator(likelihood, progress=progress)
     evaluator.begin(Stage.REFITS)
     offsets = expansion.sample.rows + noise
-    begins = [
-        Expansion(_less(expansion.sample, offset), expansion.matrix, expansion.outward)
-        for offset in offsets
-    ]
+    here, slopes = expansion.sample, (expansion.matrix, expansion.outward)
+    begins = [Expansion(Sample(here.x, here.rows - o, here.outputs), *slopes) for o in offsets]
     ends = minimise(evaluator, begins, offsets=list(offsets))
     reached = tuple(end.end.x for end in ends if end.reached)
     outputs = iter(evaluator([Request(reached, rows=False)])[0] if reached else ())
     return [(end.end.x, next(outputs).outputs) if end.reached else None for end in ends]
-
-
-def _less(sample: Sample, offset: FloatArray) -> Sample:
-    return Sample(sample.x, sample.rows - offset, sample.outputs)
-
-
-def _values(
-    likelihood: Likelihood,
-    expansion: Expansion,
-    refits: Sequence[tuple[FloatArray, FloatArray]],
-    known: Mapping[str, FittedEstimate],
-) -> dict[str, Estimate]:
-    parameters = likelihood.parameters
-    here = to_model(parameters, expansion.x)
-    table = to_model(parameters, np.array([x for x, _ in refits]))
-    columns = {
-        p.name: known[p.name].likely + table[:, i] - here[i]
-        for i, p in enumerate(parameters)
-        if p.name in known
-    }
-    for k, name in enumerate(likelihood.names):
-        if name not in known:
-            continue
-        columns[name] = np.array([outputs[k] for _, outputs in refits])
-    found = {}
-    for name, column in columns.items():
-        if name not in known or not known[name].status.has_value or not np.all(np.isfinite(column)):
-            continue
-        low, middle, high = np.percentile(column, [2.5, 50.0, 97.5])
-        std = float(np.std(column, ddof=1))
-        found[name] = Estimate(
-            name=name,
-            value=float(middle),
-            unit=known[name].unit,
-            std=std,
-            ci95=(float(low), float(high)),
-            status=known[name].status,
-            method="bootstrap",
-        )
-    return found

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,13 +20,18 @@ from fitting.fit.search import SAME as SAME_MINIMUM
 from fitting.fit.search import Box
 from fitting.fit.twins import Twin
 from fitting.inference.likelihood.knowledge import STOPPED, Direction, Equivalent, Profile
-from fitting.inference.likelihood.profile import Scans
+from fitting.inference.likelihood.profile import ScanPoint, Scans, Side
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, note
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
 UNSEEN = 1.0
+#: Digits of the changes that are printed, the fewest first.
+DIGITS = (2, 3, 4)
+#: Sigmas that a parameter moves the rows by over its bounds, as its slope has it, from which it has
+#: an effect; places within the bounds at which the others are tried.
+STEEP, PLACES = 3.0, (0.0, 0.27, 0.61, 1.0)
 #: Largest move of any row, in sigma, that is still called no change; for idle parameters likewise.
 NO_CHANGE, IDLE = 0.01, 0.1
 #: Shares of the box that are tried as a change, the largest first; chi square to which it is
@@ -44,7 +49,7 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
     """Singular directions of the whitened sensitivities, unseen ones with a change that was tried.
 
     Singular values are those of J diag(scale): sigma per unit of x. A direction is unseen where
-    half the box along it, as far as the linearisation holds, stays below one sigma.
+    half the bounds' distance along it, as far as the linearisation holds, stays below one sigma.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
@@ -56,36 +61,25 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
     _, singular, rows = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < matrix.shape[1])
     values = np.zeros(rows.shape[0])
     values[: singular.size] = singular
-    names = [p.name for p in likelihood.parameters]
     led = [row * np.sign(row[int(np.argmax(np.abs(row)))]) for row in rows]
-    shares = [
-        v / float(np.max(np.abs(row) / likelihood.widths))
-        for v, row in zip(values, led, strict=True)
-    ]
-    open_ = [k for k, share in enumerate(shares) if 0.5 * share < UNSEEN]
-    tried = _unseen(evaluator, optimum, {k: led[k] for k in open_})
-    found = []
+    longest = [float(np.max(np.abs(row) / likelihood.widths)) for row in led]
+    shares = [float(value) / length for value, length in zip(values, longest, strict=True)]
+    unseen = {k: led[k] for k, share in enumerate(shares) if 0.5 * share < UNSEEN}
+    changes = _changes(evaluator, optimum, unseen)
+    names, nothing = [p.name for p in likelihood.parameters], (np.zeros(len(led)), math.nan)
+    every = []
     for k, row in enumerate(led):
-        change = tried.get(k)
-        by = np.zeros(len(names)) if change is None else change.by
-        found.append(
+        by, largest = changes.get(k, nothing)
+        every.append(
             Direction(
                 singular=float(values[k]),
-                share=float(shares[k]),
+                share=shares[k],
                 vector=dict(zip(names, map(float, row), strict=True)),
                 change={name: float(v) for name, v in zip(names, by, strict=True) if v},
-                largest=math.nan if change is None else change.largest,
+                largest=largest,
             )
         )
-    return tuple(found)
-
-
-@dataclass(frozen=True)
-class _Change:
-    """A change of parameters, (n,) in their units, and by how many sigma it moves a row at most."""
-
-    by: FloatArray
-    largest: float
+    return tuple(every)
 
 
 def _met_exactly(optimum: Optimum) -> Likelihood:
@@ -97,12 +91,20 @@ def _met_exactly(optimum: Optimum) -> Likelihood:
     )
 
 
-def _unseen(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, rows: Mapping[int, FloatArray]
-) -> dict[int, _Change]:
-    """A change along each unseen direction that moves nothing, or least of those that were tried.
+def _largest_move(exact: Likelihood, rows: FloatArray) -> float:
+    """Largest change of any row of data that the optimum meets exactly, in sigma of that row."""
+    # in the noise as it is stated, whatever errors are widened by
+    white = rows[: exact.data_rows]
+    return float(np.max(np.abs(exact.residuals(white)) / exact.noise.row_sigma))
 
-    Each is followed by shares of the box, brought back onto the rows, rounded, and evaluated.
+
+def _changes(
+    evaluator: LikelihoodEvaluator, optimum: Optimum, rows: Mapping[int, FloatArray]
+) -> dict[int, tuple[FloatArray, float]]:
+    """A change (n,) along each direction that moves nothing, or least of those that were tried.
+
+    In the parameters' units, with the most that it moves a row, in sigma. Each direction is
+    followed by shares of the bounds' distance, brought back onto the rows, rounded, and evaluated.
     """
     exact, here = _met_exactly(optimum), optimum.expansion
     begins: list[tuple[int, FloatArray]] = []
@@ -113,62 +115,38 @@ def _unseen(
                 x = here.x + sign * size * exact.widths[lead] / abs(row[lead]) * row
                 if np.all(x >= exact.lower) and np.all(x <= exact.upper):
                     begins.append((k, x))
-    best: dict[int, _Change] = {}
+    best: dict[int, tuple[FloatArray, float]] = {}
     if not begins:
         return best
+    p, tried = to_model(exact.parameters, here.x), list[tuple[int, FloatArray]]()
     try:
         with evaluator.of(exact):
             [samples] = evaluator([Request(tuple(x for _, x in begins), outputs=False)])
-            begun = [Expansion(sample, here.matrix, here.outward, age=1) for sample in samples]
-            goal = Goal(promise=RETURNED, confirmed=False)
-            ends = minimise(evaluator, begun, goal=goal)
-            changes = [
-                (k, change)
-                for (k, _), end in zip(begins, ends, strict=True)
-                if end.reached
-                for change in _changes(optimum, end.end.x)
-            ]
-            if not changes:
-                return best
-            p = to_model(exact.parameters, here.x)
-            places = tuple(to_search(exact.parameters, p + change) for _, change in changes)
-            [samples] = evaluator([Request(places, outputs=False)])
+            started = [Expansion(sample, here.matrix, here.outward, age=1) for sample in samples]
+            ends = minimise(evaluator, started, goal=Goal(promise=RETURNED, confirmed=False))
+            for (k, _), end in zip(begins, ends, strict=True):
+                by = to_model(exact.parameters, end.end.x) - p
+                by[np.abs(end.end.x - here.x) < TRIFLE * exact.widths] = 0.0
+                if end.reached and np.any(by):
+                    for digits in DIGITS:
+                        rounded = [float(f"{each:.{digits - 1}e}") for each in by]
+                        tried.append((k, np.array(rounded)))
+            places = tuple(to_search(exact.parameters, p + by) for _, by in tried)
+            [samples] = evaluator([Request(places, outputs=False)]) if places else [[]]
     except Exhausted:
         return best
     # the largest step first: one that moves nothing stands
-    for (k, change), sample in zip(changes, samples, strict=True):
+    for (k, by), sample in zip(tried, samples, strict=True):
         largest = _largest_move(exact, sample.rows)
-        known = best.get(k)
-        if known is None or known.largest > max(NO_CHANGE, largest):
-            best[k] = _Change(change, largest)
+        if k not in best or best[k][1] > max(NO_CHANGE, largest):
+            best[k] = by, largest
     return best
-
-
-def _changes(optimum: Optimum, there: FloatArray) -> list[FloatArray]:
-    """A change of parameters, in their units, with few digits and with more; none back at home."""
-    likelihood, x = optimum.likelihood, optimum.expansion.x
-    by = to_model(likelihood.parameters, there) - to_model(likelihood.parameters, x)
-    by[np.abs(there - x) < TRIFLE * likelihood.widths] = 0.0
-    if not np.any(by):
-        return []
-    return [np.array([_rounded(v, digits) for v in by]) for digits in (2, 3, 4)]
-
-
-def _largest_move(exact: Likelihood, rows: FloatArray) -> float:
-    """Largest change of any row of data that the optimum meets exactly, in sigma of that row."""
-    # in the noise as it is stated, whatever errors are widened by
-    white = rows[: exact.data_rows]
-    return float(np.max(np.abs(exact.residuals(white)) / exact.noise.row_sigma))
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits - 1}e}") if math.isfinite(value) else value
 
 
 def without_effect(
     evaluator: LikelihoodEvaluator, optimum: Optimum, values: Mapping[str, FittedEstimate]
 ) -> tuple[str, ...]:
-    """Parameters that alone, anywhere in the box, move no row by a tenth of a sigma; evaluated.
+    """Parameters that alone, anywhere within the bounds, move no row by a tenth of a sigma.
 
     Args:
         evaluator: of the likelihood; counts what is evaluated.
@@ -180,70 +158,28 @@ def without_effect(
     lower, _ = search_bounds(likelihood.parameters)
     idle = []
     for i, parameter in enumerate(likelihood.parameters):
-        own = values.get(parameter.name)
+        own, width = values.get(parameter.name), likelihood.widths[i]
         if own is None or own.status is not Verdict.UNCONSTRAINED:
             continue
-        if float(np.linalg.norm(optimum.expansion.matrix[:, i])) * likelihood.widths[i] > 3.0:
+        if float(np.linalg.norm(optimum.expansion.matrix[:, i])) * width > STEEP:
             continue
-        width = likelihood.widths[i]
         low = lower[i] if np.isinf(likelihood.periods[i]) else x[i] - 0.5 * width
-        moves = []
-        for share in (0.0, 0.27, 0.61, 1.0):
-            there = x.copy()
-            there[i] = low + share * width
-            try:
-                with evaluator.of(exact):
-                    moves.append(_largest_move(exact, evaluator.one(there).rows))
-            except Exhausted:
-                moves.append(math.inf)
-        if max(moves) <= IDLE:
+        places = []
+        for share in PLACES:
+            places.append(x.copy())
+            places[-1][i] = low + share * width
+        try:
+            with evaluator.of(exact):
+                [samples] = evaluator([Request(tuple(places), outputs=False)])
+        except Exhausted:
+            continue
+        if max(_largest_move(exact, sample.rows) for sample in samples) <= IDLE:
             idle.append(parameter.name)
     return tuple(idle)
 
 
-def equivalents(scans: Scans) -> tuple[Equivalent, ...]:
-    """Separate minima that fit as well: outside what the profiles of the optimum go through.
-
-    Args:
-        scans: minima, and both sides of the profiles.
-    """
-    optimum = scans.optimum
-    likelihood = optimum.likelihood
-    parameters = likelihood.parameters
-    open_ = np.array([_is_open(scans, p.name) for p in parameters])
-    kept: list[Equivalent] = []
-    places = [optimum.expansion.x]
-    for point in sorted(scans.minima, key=lambda each: each.delta):
-        gaps = [gap(likelihood, point.x, other) for other in places]
-        if any(not np.any((each > SAME) & ~open_) for each in gaps):
-            continue
-        if not _beyond(scans, point.x):
-            continue
-        places.append(point.x)
-        shown = canonical(parameters, to_model(parameters, point.x))
-        named = {p.name: float(v) for p, v in zip(parameters, shown, strict=True)}
-        derived = dict(zip(likelihood.names, map(float, point.outputs), strict=True))
-        kept.append(
-            Equivalent(
-                parameters=named,
-                derived=derived,
-                delta=max(0.0, point.delta),
-                origin="start",
-                possible=all(map(math.isfinite, derived.values())),
-            )
-        )
-    return tuple(kept)
-
-
-def _is_open(scans: Scans, name: str) -> bool:
-    """Whether a parameter is free from end to end: then its value tells no two minima apart."""
-    if name not in scans.sides:
-        return True  # nobody asked how far it can go
-    return all(side.closed != "data" for side in scans.sides[name])
-
-
 def gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArray:
-    """Distance of two points along every axis as a share of the box, periods taken off, (n,).
+    """Distance of two points along every axis as a share of the bounds, periods taken off, (n,).
 
     Args:
         likelihood: with the bounds.
@@ -254,26 +190,77 @@ def gap(likelihood: Likelihood, one: FloatArray, other: FloatArray) -> FloatArra
     return np.asarray(np.minimum(apart, likelihood.periods - apart) / likelihood.widths)
 
 
-def _beyond(scans: Scans, x: FloatArray) -> bool:
-    """Whether a point lies outside the interval of some parameter."""
-    likelihood = scans.optimum.likelihood
-    for quantity in scans.quantities:
-        if quantity.index < 0 or _is_open(scans, quantity.name):
+def equivalents(
+    evaluator: LikelihoodEvaluator, scans: Scans, twins: Sequence[Twin]
+) -> tuple[Equivalent, ...]:
+    """Separate minima that fit as well: outside what the profiles of the optimum go through.
+
+    They are possible where every output has a value there, or near by at something that fits as
+    well: at the image, by a symmetry that leads there, of some point that fits.
+
+    Args:
+        evaluator: of the likelihood.
+        scans: minima, and both sides of the profiles.
+        twins: exact symmetries of the model.
+    """
+    likelihood, optimum = scans.optimum.likelihood, scans.optimum.expansion.x
+    parameters, box = likelihood.parameters, Box(likelihood.parameters)
+    # a parameter that no data close, or that nobody asked for, tells no two minima apart
+    closed = [
+        p.name in scans.sides and any(side.closed == "data" for side in scans.sides[p.name])
+        for p in parameters
+    ]
+    kept: list[Equivalent] = []
+    places = [optimum]
+    for point in sorted(scans.minima, key=lambda each: each.delta):
+        gaps = [gap(likelihood, point.x, other) for other in places]
+        if not all(np.any((each > SAME) & closed) for each in gaps):
             continue
-        down, up = scans.sides[quantity.name]
-        low = quantity.low if math.isnan(down.own95) else down.own95
-        high = quantity.high if math.isnan(up.own95) else up.own95
-        period, at = float(likelihood.periods[quantity.index]), float(x[quantity.index])
-        if math.isfinite(period):  # the image next to the optimum
-            at -= period * round((at - quantity.best) / period)
-        slack = SAME * (high - low)
-        if not low - slack <= at <= high + slack:
-            return True
-    return False
+        is_outside = False  # of the interval of some parameter
+        for q in scans.quantities:
+            if q.index < 0 or not closed[q.index]:
+                continue
+            down, up = scans.sides[q.name]
+            low = q.low if math.isnan(down.own95) else down.own95
+            high = q.high if math.isnan(up.own95) else up.own95
+            slack = SAME * (high - low)
+            is_outside |= not low - slack <= q.of(point.at.sample) <= high + slack
+        if not is_outside:
+            continue
+        places.append(point.x)
+        shown = canonical(parameters, to_model(parameters, point.x))
+        possible = bool(np.all(np.isfinite(point.outputs)))
+        for twin in twins if not possible else ():
+            image = twin.of(parameters, optimum)
+            if image is not None and box.apart(image, point.x) <= SAME_MINIMUM:
+                near = [*scans.shared, *(p for both in scans.sides.values() for p in _points(both))]
+                xs = [twin.of(parameters, x) for x in (optimum, *(each.x for each in near))]
+                request = Request(tuple(x for x in xs if x is not None), rows=False)
+                try:
+                    [read] = evaluator([request])
+                except Exhausted:
+                    continue
+                possible |= any(np.all(np.isfinite(sample.outputs)) for sample in read)
+        kept.append(
+            Equivalent(
+                parameters={p.name: float(v) for p, v in zip(parameters, shown, strict=True)},
+                derived=dict(zip(likelihood.names, map(float, point.outputs), strict=True)),
+                delta=max(0.0, point.delta),
+                origin="start",
+                possible=possible,
+            )
+        )
+    return tuple(kept)
 
 
-def bound_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
-    """Intervals that end where other parameters are at their bounds.
+def _points(sides: tuple[Side, Side]) -> tuple[ScanPoint, ...]:
+    return (*sides[0].points, *sides[1].points)
+
+
+def scan_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
+    """Intervals that end where other parameters are at their bounds, and scans that ended early.
+
+    The latter before anything closed them, where that leaves a status open.
 
     Args:
         profiles: by name of the value.
@@ -284,65 +271,11 @@ def bound_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
             by_bounds.setdefault(profile.scan.held, []).append(name)
     for held, names in by_bounds.items():
         yield note(Kind.interval_at_bound, ", ".join(names), {"values": tuple(names), "held": held})
-
-
-def incomplete_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
-    """Profiles whose scans ended before anything closed them, where that leaves a status open.
-
-    Args:
-        profiles: by name of the value.
-    """
     for why in STOPPED.values():
-        names = tuple(
+        stopped = [
             name
             for name, profile in profiles.items()
             if why in profile.scan.stopped and profile.value.status not in FINAL
-        )
-        if names:
-            yield note(Kind.profiles_incomplete, why, {"values": names})
-
-
-def with_values_nearby(
-    evaluator: LikelihoodEvaluator,
-    scans: Scans,
-    twins: Sequence[Twin],
-    equivalents: Sequence[Equivalent],
-) -> tuple[Equivalent, ...]:
-    """The equivalents, those counted as possible whose valley has values of every output somewhere.
-
-    Args:
-        evaluator: of the likelihood.
-        scans: profiles of the optimum.
-        twins: exact symmetries of the model.
-        equivalents: separate minima of this model.
-    """
-    parameters, optimum = scans.optimum.likelihood.parameters, scans.optimum
-    box = Box(parameters)
-    made = []
-    for other in equivalents:
-        place = to_search(parameters, np.array([other.parameters[p.name] for p in parameters]))
-        mine = [
-            twin
-            for twin in twins
-            if not other.possible
-            and (image := twin.of(parameters, optimum.expansion.x)) is not None
-            and box.apart(image, place) <= SAME_MINIMUM
         ]
-        possible = other.possible or any(_has_values(evaluator, twin, scans) for twin in mine)
-        made.append(replace(other, possible=possible))
-    return tuple(made)
-
-
-def _has_values(evaluator: LikelihoodEvaluator, twin: Twin, scans: Scans) -> bool:
-    """Whether every output exists at the image of some point that fits."""
-    parameters = evaluator.likelihood.parameters
-    near = [scans.optimum.expansion.x, *(point.x for point in scans.shared)]
-    near += [point.x for sides in scans.sides.values() for side in sides for point in side.points]
-    images = tuple(image for x in near if (image := twin.of(parameters, x)) is not None)
-    if not images:
-        return False
-    try:
-        samples = evaluator([Request(images, rows=False)])[0]
-    except Exhausted:
-        return False
-    return any(bool(np.all(np.isfinite(sample.outputs))) for sample in samples)
+        if stopped:
+            yield note(Kind.profiles_incomplete, why, {"values": tuple(stopped)})

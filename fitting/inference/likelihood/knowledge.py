@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
+from fitting.fit.fit import Status
 from fitting.signal.misfit import CORRELATED
 from fitting.signal.residual_tests import NOTABLE, Structure
 from fitting.text.arrays import Scalar
@@ -22,6 +23,7 @@ from fitting.text.estimate import (
     ParameterEstimate,
 )
 from fitting.text.finding import Finding
+from fitting.text.notation import number
 from fitting.text.rendering import phrase
 
 Floats = tuple[float, ...]
@@ -274,6 +276,102 @@ class PairTest:
         return "tension" if self.sigmas > WORTH_A_WARNING else "agreement"
 
 
+@dataclass(frozen=True)
+class ValueAlone:
+    """A value as one campaign alone determines it (NaN where it does not), with its error."""
+
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeriesPart:
+    """One campaign of a joint fit.
+
+    `chi` is its scale; `determined` how many numbers its data determine; `chi_square_joint` of its
+    rows at the joint solution and `chi_square_alone` at its own, both linearised at the former;
+    `rows` the number of its rows, `alone` what it determines by itself, by name; `swept_initial_v`
+    and `swept_final_v` its sweep as simulated (scaled) before and after, at the measured points.
+    """
+
+    name: str
+    campaign: str
+    scale_kind: str
+    chi: float
+    rows: int
+    determined: int
+    chi_square_joint: float
+    chi_square_alone: float
+    inflation: float
+    alone: Mapping[str, ValueAlone]
+    swept_initial_v: tuple[float, ...] = ()
+    swept_final_v: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class JointResult:
+    """Campaigns of a joint fit, and whether they agree."""
+
+    series: tuple[SeriesPart, ...]
+    tensions: tuple[PairTest, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExternalTest:
+    """Distance of a result from a value found elsewhere, in standard deviations (NaN: untestable).
+
+    `std` of the external value is zero where none was given; `found`, `found_std` are the result's.
+    """
+
+    name: str
+    value: float
+    std: float
+    unit: str
+    found: float
+    found_std: float
+    sigmas: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseGain:
+    """Standard deviation of a value, of `amplitudes` alone and with `phases`, in `unit`.
+
+    With phases it is the reported one, of amplitudes alone it is as many times as wide as in the
+    linearised problem.
+    """
+
+    name: str
+    unit: str
+    amplitudes: float
+    phases: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quadratures:
+    """Gains in precision by phases, and qualities that follow from what is solved inside.
+
+    Both are empty without any. The interval of a quality is symmetric in its logarithm, that of a
+    quality factor in 1/Q, and infinite above where no loss at all would suit the data as well; its
+    value is NaN where its loss comes out negative.
+    """
+
+    gains: tuple[PhaseGain, ...] = ()
+    qualities: tuple[Estimate, ...] = ()
+
+    @property
+    def alike(self) -> list[list[PhaseGain]]:
+        """The gains, those of one number together: outputs of the FMU that are a parameter.
+
+        Profiles, which are scanned for each, are the same as far as they are printed.
+        """
+        groups: dict[tuple[str, ...], list[PhaseGain]] = {}
+        for gain in self.gains:
+            ratio = f"{gain.amplitudes / gain.phases:.6g}"
+            key = (gain.unit, number(gain.amplitudes, 2), number(gain.phases, 2), ratio)
+            groups.setdefault(key, []).append(gain)
+        return list(groups.values())
+
+
 @dataclass(frozen=True, kw_only=True)
 class Ending:
     """How a fit ended and what that rests on; a sentence is made of it by a template.
@@ -359,6 +457,26 @@ class Values:
         """Parameters and outputs whose profiles were scanned, by name."""
         both: dict[str, FittedEstimate] = {**self.parameters, **self.derived}
         return {name: value for name, value in both.items() if name in self.scans}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inferred(Values):
+    """Values of a fit, how it ended, and what was found besides."""
+
+    status: Status
+    """How the fit ended, and whether its model describes the data."""
+    message: str
+    """What `status` means here, a sentence."""
+    knowledge: Knowledge | None = None
+    """What the data determine beside values: profiles, directions, other minima."""
+    joint: JointResult | None = None
+    """Several series: what they say alone, together and of each other."""
+    quadratures: Quadratures = field(default_factory=Quadratures)
+    """What was solved inside complex sweeps, and quality factors behind a wiring."""
+    chi_square: float = math.nan
+    """Of the rows of known noise at the most likely point; NaN where nothing was tested."""
+    dof: float = math.nan
+    """Its degrees of freedom."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -46,39 +46,34 @@ def choose_nu(
     """
     evaluator = LikelihoodEvaluator(likelihood)
     xs = [np.array(step.x) for step in steps]
-    samples = evaluator([Request(tuple(xs), outputs=False)])[0]
-    m = likelihood.data_rows
-    squares = [float(np.sum(sample.rows[:m] ** 2)) for sample in samples]
-    own = likelihood.inverse_prior_sigma == 0.0
+    [samples] = evaluator([Request(tuple(xs), outputs=False)])
+    m, own = likelihood.data_rows, likelihood.inverse_prior_sigma == 0.0
     distances = [float(np.linalg.norm(x[own])) for x in xs]
     bends = curvatures([step.j_fit for step in steps], distances)
-    rows_at = {row.level: row for row in history}
-    rows = tuple(
-        NuRow(
-            nu=step.nu,
-            j_fit=step.j_fit,
-            distance=distance,
-            chi_square=square,
-            curvature=bend,
-            parameters=dict(rows_at[step.level].parameters) if step.level in rows_at else {},
-            derived=dict(rows_at[step.level].derived) if step.level in rows_at else {},
+    rows_at, rows = {row.level: row for row in history}, []
+    for step, distance, sample, bend in zip(steps, distances, samples, bends, strict=True):
+        there = rows_at.get(step.level)
+        rows.append(
+            NuRow(
+                nu=step.nu,
+                j_fit=step.j_fit,
+                distance=distance,
+                chi_square=float(np.sum(sample.rows[:m] ** 2)),
+                curvature=bend,
+                parameters={} if there is None else dict(there.parameters),
+                derived={} if there is None else dict(there.derived),
+            )
         )
-        for step, distance, square, bend in zip(steps, distances, squares, bends, strict=True)
-    )
     allowed = largest(ALLOWED_P, m, likelihood.objective.data.noise_freedom)
-    corner = corner_of(rows)
     within = [row.nu for row in rows if row.chi_square <= allowed] if describes else []
-    discrepancy = max(within, default=math.nan)
-    prior = {p.name: p.reference for p in likelihood.parameters}
-    widths = {p.name: p.upper - p.lower for p in likelihood.parameters}
     return NuChoice(
-        rows=rows,
-        corner=corner,
-        discrepancy=discrepancy,
+        rows=tuple(rows),
+        corner=corner_of(rows),
+        discrepancy=max(within, default=math.nan),
         allowed=allowed,
         last=rows[-1].nu,
-        prior=prior,
-        widths=widths,
+        prior={p.name: p.reference for p in likelihood.parameters},
+        widths={p.name: p.upper - p.lower for p in likelihood.parameters},
         describes=describes,
     )
 

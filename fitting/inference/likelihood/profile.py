@@ -31,8 +31,9 @@ class Quantity:
     """A parameter (`index`) or an output whose interval is wanted, in x or in the output's unit.
 
     `best` at the most likely point, `sigma` linearised; `slope` d value/dx (n,); `low`, `high` its
-    range without data; `is_periodic`: it comes back to itself there. `reach`: by how many sigma the
-    simulation's own error may move it, at most; `freedom`: degrees of freedom of its noise.
+    range without data; `period` in x, by which it comes back to itself, else infinite. `reach`: by
+    how many sigma the simulation's own error may move it, at most; `freedom`: degrees of freedom of
+    its noise.
     """
 
     name: str
@@ -43,27 +44,26 @@ class Quantity:
     slope: FloatArray
     low: float
     high: float
-    is_periodic: bool = False
+    period: float = math.inf
     reach: float = 0.0
     freedom: float = math.inf
 
     @property
-    def width(self) -> float:
-        """Range without data."""
-        return self.high - self.low
+    def is_periodic(self) -> bool:
+        """Whether it comes back to itself."""
+        return math.isfinite(self.period)
 
-    def of(self, sample: Sample, periods: FloatArray) -> float:
+    def of(self, sample: Sample) -> float:
         """Its value at a point; of a parameter that is periodic, the image nearest to the best.
 
         Args:
             sample: with outputs, if it is one.
-            periods: of the parameters in x, infinite without one, (n,).
         """
         if self.index < 0:
             return float(sample.outputs[self.output]) if sample.outputs.size else math.nan
-        value, period = float(sample.x[self.index]), float(periods[self.index])
-        if math.isfinite(period):
-            value -= period * round((value - self.best) / period)
+        value = float(sample.x[self.index])
+        if self.is_periodic:
+            value -= self.period * round((value - self.best) / self.period)
         return value
 
     def is_at_end(self, side: int, value: float) -> bool:
@@ -80,15 +80,11 @@ class Quantity:
             return abs(math.log(value / limit)) <= AT_EXTREME * abs(math.log(limit / self.best))
         return abs(value - limit) <= AT_EXTREME * abs(limit - self.best)
 
-    def key(self, side: int) -> Key:
-        """Of one of its sides; outputs may have the name of a parameter."""
-        return self.index, self.output, side
-
     def constraint(self, target: float, step: float) -> Constraint:
         """What holds it at a target that is a step away."""
         if self.index >= 0:
             return Constraint(target=target, index=self.index)
-        weight = HOLD / max(abs(step), 1e-12 * self.width)
+        weight = HOLD / max(abs(step), 1e-12 * (self.high - self.low))
         return Constraint(target=target, output=self.output, weight=weight)
 
 
@@ -134,18 +130,13 @@ class Side:
     is_verified: bool = False
 
 
-Sides = tuple[Side, Side]
-#: A side of a quantity: its index, its output, 0 below or 1 above.
-Key = tuple[int, int, int]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Scans:
     """Both sides of every quantity around one optimum, and all points that fit (`shared`)."""
 
     optimum: Optimum
     quantities: tuple[Quantity, ...]
-    sides: Mapping[str, Sides]
+    sides: Mapping[str, tuple[Side, Side]]
     minima: tuple[ScanPoint, ...]
     shared: tuple[ScanPoint, ...]
     ranges: Mapping[str, OutputRange] = field(default_factory=dict)
@@ -174,64 +165,47 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
         ranges: of the outputs without data, by name.
     """
     likelihood, here = optimum.likelihood, optimum.expansion
-    covariance = data_covariance(optimum)
-    made = []
-    for i, slope in enumerate(np.eye(here.x.size)):
-        best, half = float(here.x[i]), 0.5 * float(likelihood.periods[i])
-        is_periodic = math.isfinite(half)
-        made.append(
-            Quantity(
-                name=likelihood.parameters[i].name,
-                index=i,
-                output=-1,
-                best=best,
-                sigma=math.sqrt(covariance[i, i]),
-                slope=slope,
-                low=best - half if is_periodic else float(likelihood.lower[i]),
-                high=best + half if is_periodic else float(likelihood.upper[i]),
-                is_periodic=is_periodic,
-                reach=_reach(optimum, covariance, slope),
-                freedom=optimum.freedom_along(slope, covariance),
-            )
-        )
-    for k, name in enumerate(likelihood.names):
-        best, slope = float(here.sample.outputs[k]), here.outward[k]
-        if not math.isfinite(best) or not ranges[name].high > ranges[name].low:
-            continue
-        low, high = min(ranges[name].low, best), max(ranges[name].high, best)
-        sigma = high - low  # at the edge of where it has a value, until it is tried
+    covariance, made = data_covariance(optimum), []
+    noise = likelihood.noise.times(likelihood.inflation)
+    bounded = WhitenedErrors(likelihood.bounded, noise) if likelihood.bounded.columns else None
+
+    def add(name: str, index: int, output: int, slope: FloatArray, **place: float) -> None:
+        low, high, sigma, reach = place["low"], place["high"], math.nan, 0.0
         if np.all(np.isfinite(slope)):
             sigma = math.sqrt(max(0.0, float(slope @ covariance @ slope)))
+        else:  # at the edge of where it has a value, until it is tried
+            sigma = high - low
+        # by how many sigma the simulation's own error may move it: |g C J^T V^-1/2 B|_1/sigma, and
+        # along a slope that is not known sum_j |V^-1/2 B_j|
+        if bounded is not None and not np.all(np.isfinite(slope)):
+            reach = bounded.reach
+        elif bounded is not None and sigma > 0.0:
+            pull = here.matrix[: likelihood.data_rows] @ (covariance @ slope)
+            reach = bounded.moved(pull) / sigma
         made.append(
             Quantity(
                 name=name,
-                index=-1,
-                output=k,
-                best=best,
+                index=index,
+                output=output,
                 sigma=max(sigma, 1e-12 * (high - low)),
                 slope=slope,
-                low=low,
-                high=high,
-                reach=_reach(optimum, covariance, slope),
+                reach=reach,
                 freedom=optimum.freedom_along(slope, covariance),
+                **place,
             )
         )
+
+    for i, p in enumerate(likelihood.parameters):
+        best, period = float(here.x[i]), float(likelihood.periods[i])
+        low, high = float(likelihood.lower[i]), float(likelihood.upper[i])
+        if math.isfinite(period):
+            low, high = best - 0.5 * period, best + 0.5 * period
+        axis = np.eye(here.x.size)[i]
+        add(p.name, i, -1, axis, best=best, low=low, high=high, period=period)
+    for k, name in enumerate(likelihood.names):
+        best, range_ = float(here.sample.outputs[k]), ranges[name]
+        is_parameter = any(name == q.name for q in made)  # then that is what is scanned
+        if math.isfinite(best) and range_.high > range_.low and not is_parameter:
+            low, high = min(range_.low, best), max(range_.high, best)
+            add(name, -1, k, here.outward[k], best=best, low=low, high=high)
     return tuple(made)
-
-
-def _reach(optimum: Optimum, covariance: FloatArray, slope: FloatArray) -> float:
-    """By how many standard deviations the simulation's own error may move a value, at most.
-
-    |g C J^T V^-1/2 B|_1/sqrt(g C g); along a slope that is not known, sum_j |V^-1/2 B_j|.
-    """
-    likelihood = optimum.likelihood
-    if not likelihood.bounded.columns:
-        return 0.0
-    errors = WhitenedErrors(likelihood.bounded, likelihood.noise.times(likelihood.inflation))
-    if not np.all(np.isfinite(slope)):
-        return errors.reach
-    variance = float(slope @ covariance @ slope)
-    if not variance > 0.0:
-        return 0.0
-    pull = optimum.expansion.matrix[: likelihood.data_rows] @ (covariance @ slope)
-    return errors.moved(pull) / math.sqrt(variance)

@@ -26,19 +26,48 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.fit.levenberg import Constraint, Descent, Expansion, Goal, expand, minimise
+from fitting.campaign.parameters import drift_square
+from fitting.fit.levenberg import (
+    UNCONSTRAINED,
+    Constraint,
+    Descent,
+    Expansion,
+    Goal,
+    expand,
+    minimise,
+)
 from fitting.fit.likelihood import Exhausted, LikelihoodEvaluator, Request, Sample
 from fitting.fit.optimum import Optimum, active_bounds_at
 from fitting.fit.twins import Twin
-from fitting.inference.likelihood.ends import is_reached, open_side, try_ends
-from fitting.inference.likelihood.profile import Key, Quantity, ScanPoint, Scans, Side, quantities
+from fitting.inference.likelihood.profile import (
+    Quantity,
+    ScanPoint,
+    Scans,
+    Side,
+    data_covariance,
+    quantities,
+)
 from fitting.inference.likelihood.ranges import OutputRange
-from fitting.inference.likelihood.shared import Shared, by_data_or_priors, with_simulation
-from fitting.inference.likelihood.verified import verify
 from fitting.signal.student import ROOT_68, reach
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.error_bars import ROOT_95
 
+#: Disagreement of chi square, or of an output, with its linearised prediction that is none.
+AGREES = 0.05
+#: Share of the increase that the other parameters may gain by the stored slopes, which see no more
+#: than a part of what they gain in a valley that bends.
+FOLLOWED = 0.005
+#: Share of an increase of chi square by priors of what drifts from which they close an interval.
+BY_PRIORS = 0.5
+#: Steps over which an output is held to the end of its range.
+STEPS = 10
+#: Dchi^2 at which a bound is known to fit without being followed to its minimum.
+ENOUGH = 0.5
+#: Known points from which an end of a range is tried, at most; linearised sigmas to it beyond
+#: which it is tried once.
+ATTEMPTS, WORTH = 4, 10.0
+#: Known points that are evaluated at an end for each attempt.
+CANDIDATES = 6
 #: Steps across half a period, at least.
 PER_PERIOD = 5
 #: Rounds of all scans, and failed steps of one, at most.
@@ -58,7 +87,7 @@ NOWHERE = 0.05
 BEYOND, EXTENSIONS = 0.02, 3
 
 
-def scanned(
+def scan_profiles(
     evaluator: LikelihoodEvaluator,
     optimum: Optimum,
     ranges: Mapping[str, OutputRange],
@@ -80,60 +109,124 @@ def scanned(
         FmuFailure: the model failed at more points than can be left out.
     """
     every = quantities(optimum, ranges)
-    wanted = tuple(q for q in every if not only or q.name in only)
-    shared = Shared(evaluator, optimum, ranges, [_point(optimum, m) for m in minima], twins)
-    sides: dict[Key, Side] = {}
-    started = verify(shared, wanted, sides)
-    searched = list(wanted)
-    if len(sides) < 2 * len(wanted):
+    wanted = [q for q in every if not only or q.name in only]
+    shared = Shared(evaluator, optimum, minima, twins)
+    sides = [_SideScan(shared, q, side) for q in wanted for side in (0, 1)]
+    _verify(shared, sides)
+    if any(side.result is None for side in sides):
         # a valley that one value's scan does not come to lies on the way of another's
         own = {p.name for p in optimum.likelihood.parameters if p.experiments}
         others = [q for q in every if q not in wanted and q.name not in own]
-        started |= verify(shared, others, sides)
-        searched += others
-    open_ = [(q, side) for q in searched for side in (0, 1) if q.key(side) not in sides]
-    for q, side in try_ends(shared, open_):
-        sides[q.key(side)] = open_side(shared, q, side)
-    scans = [
-        _SideScan(shared, q, s, started.get(q.key(s))) for q, s in open_ if q.key(s) not in sides
-    ]
-    _run(shared, scans)
-    _extend(shared, searched, sides, scans)
-    for scan in scans:
-        q, side = scan.quantity, scan.side
+        more = [_SideScan(shared, q, side) for q in others for side in (0, 1)]
+        _verify(shared, more)
+        sides += more
+    _try_ends(shared, [s for s in sides if s.result is None], ranges)
+    _scan(shared, [s for s in sides if s.result is None])
+    _extend(shared, sides)
+    known = []
+    for side in sides:
         # another scan may have come to the end that this one did not reach
-        is_open = not q.is_periodic and is_reached(shared, q, side)
-        sides[q.key(side)] = open_side(shared, q, side) if is_open else scan.ended()
-    known = {key: replace(side, points=shared.read(side.points)) for key, side in sides.items()}
+        end = side.result or (side.open_side() if side.is_reached() else side.ended())
+        known.append(replace(end, points=tuple(shared.read(end.points))))
+    pairs = zip(sides[::2], known[::2], known[1::2], strict=True)
     return Scans(
         optimum=optimum,
-        quantities=wanted,
-        sides={q.name: (known[q.key(0)], known[q.key(1)]) for q in searched},
+        quantities=tuple(wanted),
+        sides={side.quantity.name: (low, high) for side, low, high in pairs},
         minima=tuple(shared.minima),
         shared=tuple(shared.fitting()),
         ranges=ranges,
     )
 
 
-def _point(optimum: Optimum, sample: Sample) -> ScanPoint:
-    at = replace(optimum.expansion, sample=sample, age=1)
-    return ScanPoint(value=math.nan, delta=optimum.delta(float(sample.rows @ sample.rows)), at=at)
+class Shared:
+    """What all scans of one optimum share: the evaluator, known minima, every point that fits."""
+
+    def __init__(
+        self,
+        evaluator: LikelihoodEvaluator,
+        optimum: Optimum,
+        minima: Sequence[Sample],
+        twins: Sequence[Twin],
+    ) -> None:
+        self.evaluator, self.optimum, self.twins = evaluator, optimum, twins
+        self.minima: list[ScanPoint] = []
+        for sample in minima:
+            at = replace(optimum.expansion, sample=sample, age=1)
+            delta = optimum.delta(float(sample.rows @ sample.rows))
+            if delta <= ROOT_95**2:
+                self.minima.append(ScanPoint(value=math.nan, delta=delta, at=at))
+        self.minima = self.read(self.minima)
+        self.accepted = list(self.minima)
+
+    def point(self, quantity: Quantity, at: Expansion) -> ScanPoint:
+        """A point of the profile of a quantity; chi square without the row that holds it."""
+        square = float(at.sample.rows @ at.sample.rows)
+        delta = self.optimum.delta(square, quantity.freedom)
+        return ScanPoint(value=quantity.of(at.sample), delta=delta, at=at)
+
+    def read(self, points: Sequence[ScanPoint]) -> list[ScanPoint]:
+        """The points with their outputs, as far as the budget allows."""
+        known, bare = list(points), [k for k, p in enumerate(points) if not p.outputs.size]
+        if not self.optimum.likelihood.names or not bare:
+            return known
+        try:
+            [read] = self.evaluator([Request(tuple(points[k].x for k in bare), rows=False)])
+        except Exhausted:
+            return known
+        for k, there in zip(bare, read, strict=True):
+            at = points[k].at
+            sample = replace(at.sample, outputs=there.outputs)
+            known[k] = replace(points[k], at=replace(at, sample=sample))
+        return known
+
+    def fitting(self) -> list[ScanPoint]:
+        """Every accepted point, with outputs; without those that lack one that the optimum has.
+
+        A fit at parameters for which the model has no such output is no fit of that model.
+        """
+        exists = np.isfinite(self.optimum.expansion.sample.outputs)
+        self.accepted = [
+            p
+            for p in self.read(self.accepted)
+            if p.outputs.size == exists.size and np.all(np.isfinite(p.outputs[exists]))
+        ]
+        return self.accepted
+
+    def accept(self, points: Sequence[ScanPoint]) -> None:
+        """Share points inside the 95 % threshold, and their images by the model's symmetries."""
+        for point in points:
+            if not point.delta <= ROOT_95**2:
+                continue
+            self.accepted.append(point)
+            for twin in self.twins:
+                image = twin.of(self.optimum.likelihood.parameters, point.x)
+                if image is not None:
+                    sample = Sample(image, point.at.sample.rows, np.empty(0))
+                    unknown = np.empty((0, 0))  # slopes
+                    bare = Expansion(sample, unknown, unknown, age=1)
+                    self.accepted.append(replace(point, at=bare))
 
 
 class _SideScan:
-    """A scan of one side: its points outward inside the threshold, the first one outside."""
+    """One side of a profile: `result` once it is known, and the state of the scan until then.
 
-    def __init__(
-        self, shared: Shared, quantity: Quantity, side: int, tried: Sequence[Expansion] | None
-    ) -> None:
+    `inside` are its points outward inside the threshold, `outside` the first one outside; `points`
+    those of earlier stretches. `tried` are the ends that the covariance predicts, nearest first,
+    `attempted` known points from which the end of the range was tried.
+    """
+
+    def __init__(self, shared: Shared, quantity: Quantity, side: int) -> None:
         self.shared, self.quantity, self.side = shared, quantity, side
         self.sign, self.limit = (-1.0, 1.0)[side], (quantity.low, quantity.high)[side]
         self.span = abs(self.limit - quantity.best)
         here = ScanPoint(value=quantity.best, delta=0.0, at=shared.optimum.expansion)
+        self.result: Side | None = None
+        self.tried: list[Expansion] = []
+        self.attempted: set[bytes] = set()
         self.inside: list[ScanPoint] = [here]
         self.outside: ScanPoint | None = None
         self.points: list[ScanPoint] = []
-        self.tried = list(tried or ())
         self.origin, self.first95 = quantity.best, math.nan
         self.step = 1.03 * quantity.sigma
         self.misses = self.narrowed = 0
@@ -142,69 +235,110 @@ class _SideScan:
         self.active: tuple[int, ...] = ()
         self.target, self.begin = math.nan, shared.optimum.expansion
 
-    def extend_from(self, point: ScanPoint) -> None:
-        """Scan on from a point that fits beyond the crossing."""
-        self.points += [p for p in (*self.inside, self.outside) if p is not None]
-        self.inside, self.outside, self.closed = [point], None, ""
-        self.origin, self.misses, self.narrowed = point.value, 0, 0
-        self.tried = []
-
     @property
     def last(self) -> ScanPoint:
         """The outermost point inside."""
         return self.inside[-1]
 
+    def is_reached(self) -> bool:
+        """Whether a known point that fits is at the end of the range; a period has no end."""
+        q = self.quantity
+        known = [] if q.is_periodic else self.shared.fitting()
+        return any(q.is_at_end(self.side, q.of(p.at.sample)) for p in known)
+
+    def open_side(self) -> Side:
+        """The side where its bound fits: its points are those that are shared."""
+        q, sign = self.quantity, self.sign
+        known = [replace(p, value=q.of(p.at.sample)) for p in self.shared.fitting()]
+        mine = [p for p in known if sign * (p.value - q.best) > 0.0]
+        return Side(
+            points=tuple(sorted(mine, key=lambda p: sign * p.value)),
+            closed="bound",
+            end68=self.limit,
+            end95=self.limit,
+            own95=math.nan,
+        )
+
+    def closed_by(self, beyond: ScanPoint) -> str:
+        """What excludes a point: data, or priors of what drifts, which say nothing of the sample.
+
+        Priors that hold what differs between experiments are stated for lack of anything better, of
+        offsets that may be correlated.
+        """
+        optimum = self.shared.optimum
+        least = drift_square(optimum.likelihood.parameters, optimum.expansion.x)
+        more = drift_square(optimum.likelihood.parameters, beyond.x) - least
+        return "prior" if more > BY_PRIORS * beyond.delta else "data"
+
+    def with_simulation(self, known: Side) -> Side:
+        """A side, longer by what the simulation may be off by; never beyond the range.
+
+        Where it may move the estimate by `reach` sigma, the true value lies where sqrt(Dchi^2) is
+        below its threshold plus that: sides are longer in that ratio, each by its own.
+        """
+        q, ends = self.quantity, []
+        for end, root in ((known.end68, ROOT_68), (known.end95, ROOT_95)):
+            far = end + q.reach / reach(root, q.freedom) * (end - self.origin)
+            ends.append(max(far, self.limit) if self.side == 0 else min(far, self.limit))
+        if ends[1] == self.limit and q.reach and known.closed == "data":
+            known = replace(known, closed="bound")
+        return replace(known, end68=ends[0], end95=ends[1])
+
+    # --- a step of the scan ---
+
     def aim(self) -> bool:
         """Choose the next target and where its search begins; False where the scan has ended."""
         if self.outside is not None:
             return self._aim_between(self.outside)
-        left = abs(self.limit - self.last.value)
-        if self.quantity.is_at_end(self.side, self.last.value):
-            self.closed = "periodic" if self.quantity.is_periodic else "bound"
+        q, left = self.quantity, abs(self.limit - self.last.value)
+        if q.is_at_end(self.side, self.last.value):
+            self.closed = "periodic" if q.is_periodic else "bound"
             return False
         # where an end fits what is between decides nothing; a period has no end
-        step = min(self.step, self.span / PER_PERIOD) if self.quantity.is_periodic else self.step
+        step = min(self.step, self.span / PER_PERIOD) if q.is_periodic else self.step
         step = left if step > 0.8 * left else step
         self.target, self.begin = self.last.value + self.sign * step, self.last.at
         if self.misses % 2:  # from inside it failed: now from the shared point that is the nearest
             fitting = self.shared.fitting()
-            near = [
-                (abs(self.quantity.of(p.at.sample, self.shared.periods) - self.target), p)
-                for p in fitting
-            ]
-            gap, nearest = min(near, key=lambda each: each[0], default=(math.inf, self.last))
-            if gap < step:
+            gaps = [abs(q.of(p.at.sample) - self.target) for p in fitting]
+            if gaps and min(gaps) < step:
+                nearest = fitting[gaps.index(min(gaps))]
                 self.begin, self.wants_slopes = nearest.at, True
         if self.tried:  # the covariance's own prediction was evaluated already
             at = self.tried.pop(0)
-            value = self.quantity.of(at.sample, self.shared.periods)
+            value = q.of(at.sample)
             way = self.sign * (value - self.last.value)
             # an output that is bent is elsewhere there
-            is_near = NOWHERE * step < way < min(left, 2.0 * step)
-            if math.isfinite(at.chi_square) and is_near:
+            if math.isfinite(at.chi_square) and NOWHERE * step < way < min(left, 2.0 * step):
                 self.target, self.begin = value, at
         return True
 
     def _aim_between(self, outside: ScanPoint) -> bool:
-        inside = self.last
-        gap = abs(outside.value - inside.value)
-        if min(ROOT_95 - inside.root, outside.root - ROOT_95) < CLOSE:
-            self._cross(inside, outside)
-            return False
-        if (
-            gap <= SAME_PLACE * abs(outside.value - self.quantity.best)
-            or self.narrowed > ROUNDS // 3
-        ):
-            if outside.root - inside.root < JUMP:
-                self._cross(inside, outside)
-                return False
-            if self.is_retried:
+        """The same between the outermost point inside and one outside; ends where they cross."""
+        inside, gap = self.last, abs(outside.value - self.last.value)
+        is_known = min(ROOT_95 - inside.root, outside.root - ROOT_95) < CLOSE
+        is_narrow = gap <= SAME_PLACE * abs(outside.value - self.quantity.best)
+        if not is_known and (is_narrow or self.narrowed > ROUNDS // 3):
+            is_known = outside.root - inside.root < JUMP
+            if not is_known and self.is_retried:
                 self.closed = "failed"
                 return False
-            # one of the two has left the valley: once more, by slopes of the point inside
-            self.is_retried, self.outside, self.narrowed = True, None, 0
-            self.step, self.wants_slopes = gap, True
-            return self.aim()
+            if not is_known:
+                # one of the two has left the valley: once more, by slopes of the point inside
+                self.is_retried, self.outside, self.narrowed = True, None, 0
+                self.step, self.wants_slopes = gap, True
+                return self.aim()
+        if is_known:  # the data close the side between the two, or bounds of others do
+            near = inside if ROOT_95 - inside.root < outside.root - ROOT_95 else outside
+            besides = [self.quantity.index] if self.quantity.index >= 0 else []
+            held = self.quantity.constraint(near.value, outside.value - inside.value)
+            likelihood = self.shared.optimum.likelihood
+            bounds = active_bounds_at(likelihood, near.at, besides, held)
+            self.active = tuple({*self.active, *bounds})
+            self.closed = self.closed_by(outside)
+            if math.isnan(self.first95):
+                self.first95 = crossing(inside, outside, ROOT_95)
+            return False
         share = (ROOT_95 - inside.root) / (outside.root - inside.root)
         share = min(max(share, 0.1), 0.9) if self.narrowed < 3 else 0.5
         self.target = inside.value + share * (outside.value - inside.value)
@@ -213,22 +347,9 @@ class _SideScan:
         self.narrowed += 1
         return True
 
-    def _cross(self, inside: ScanPoint, outside: ScanPoint) -> None:
-        """The data close the side between two points, or bounds of others do."""
-        near = inside if ROOT_95 - inside.root < outside.root - ROOT_95 else outside
-        besides = [self.quantity.index] if self.quantity.index >= 0 else []
-        constraints = self.quantity.constraint(near.value, outside.value - inside.value)
-        likelihood = self.shared.optimum.likelihood
-        self.active = tuple(
-            {*self.active, *active_bounds_at(likelihood, near.at, besides, constraints)}
-        )
-        self.closed = by_data_or_priors(self.shared, outside)
-        if math.isnan(self.first95):
-            self.first95 = crossing(inside, outside, ROOT_95)
-
     def constraint(self) -> Constraint:
         """What holds the quantity at the target."""
-        start = self.quantity.of(self.begin.sample, self.shared.periods)
+        start = self.quantity.of(self.begin.sample)
         step = self.target - (start if math.isfinite(start) else self.last.value)
         return self.quantity.constraint(self.target, step or self.target - self.last.value)
 
@@ -240,56 +361,46 @@ class _SideScan:
         point = self.shared.point(self.quantity, end.end)
         ahead = self.sign * (point.value - self.last.value)
         wanted = abs(self.target - self.last.value)
+        rise = point.root - self.last.root
         is_there = end.reached and math.isfinite(point.value) and ahead > NOWHERE * wanted
         if self.outside is not None:
             is_there = is_there and ahead < abs(self.outside.value - self.last.value)
         elif point.root > FAR and wanted > SAME_PLACE * self.span:
             is_there = False  # too far, or in another valley
         if not is_there:
-            self.misses += 1
             # sqrt(Dchi^2) is straight at best: that of a point too far tells how far is enough
-            rise = point.root - self.last.root
             share = (ROOT_95 - self.last.root) / rise if rise > 0.0 else 1.0
             self.step = wanted * min(max(share, 0.02), 0.25)
-            self.wants_slopes = True
+            self.misses, self.wants_slopes = self.misses + 1, True
             if self.misses > MISSES:
                 self.closed = "failed"
             return
         self.misses = max(0, self.misses - 1)
         if point.root > ROOT_95:
             self.outside = point
-        else:
-            self.shared.accept([point])
-            self.step = self._next_step(point)
-            self.inside.append(point)
-
-    def _next_step(self, point: ScanPoint) -> float:
-        """To the next threshold by the slope of sqrt(Dchi^2), which is straight at best."""
-        moved, rise = abs(point.value - self.last.value), point.root - self.last.root
+            return
+        self.shared.accept([point])
+        # to the next threshold by the slope of sqrt(Dchi^2), which is straight at best
+        moved = abs(point.value - self.last.value)
         mark = ROOT_68 if point.root < 0.9 * ROOT_68 else ROOT_95
-        if not (moved > 0.0 and rise > 0.0):
-            return 2.0 * max(moved, self.step)
-        return float(
-            np.clip((mark + 0.5 * CLOSE - point.root) * moved / rise, 0.2 * moved, 3.0 * moved)
-        )
+        if moved > 0.0 and rise > 0.0:
+            step = (mark + 0.5 * CLOSE - point.root) * moved / rise
+            self.step = float(np.clip(step, 0.2 * moved, 3.0 * moved))
+        else:
+            self.step = 2.0 * max(moved, self.step)
+        self.inside.append(point)
 
     def ended(self) -> Side:
-        """The side as it was found."""
-        q = self.quantity
+        """The side as its scan has it."""
+        is_crossed = self.closed in ("data", "prior") and self.outside is not None
         every = [*self.points, *self.inside, *([self.outside] if self.outside else [])]
         every = sorted(every, key=lambda p: self.sign * p.value)
-        is_crossed = self.closed in ("data", "prior") and self.outside is not None
-        end95 = (
-            crossing(self.last, self.outside, ROOT_95)
-            if is_crossed and self.outside
-            else self.limit
-        )
-        end68 = self.limit
+        end68 = end95 = self.limit
+        if is_crossed and self.outside is not None:
+            end68 = end95 = crossing(self.last, self.outside, ROOT_95)
         last68 = max(k for k, p in enumerate(every) if p.root < ROOT_68)
         if last68 + 1 < len(every):
             end68 = crossing(every[last68], every[last68 + 1], ROOT_68)
-        elif is_crossed:
-            end68 = end95
         known = Side(
             points=tuple(every[1:]),
             closed=self.closed or "failed",
@@ -298,7 +409,7 @@ class _SideScan:
             own95=self.first95,
             active=self.active,
         )
-        return with_simulation(q, self.side, known, self.origin) if is_crossed else known
+        return self.with_simulation(known) if is_crossed else known
 
 
 def crossing(inside: ScanPoint, outside: ScanPoint, root: float) -> float:
@@ -308,18 +419,212 @@ def crossing(inside: ScanPoint, outside: ScanPoint, root: float) -> float:
     return inside.value + share * (outside.value - inside.value)
 
 
-def _run(shared: Shared, scans: Sequence[_SideScan]) -> None:
+# --- linearised ends, verified --------------------------------------------------------------------
+
+
+def _verify(shared: Shared, sides: Sequence[_SideScan]) -> None:
+    """Intervals from the covariance where chi square confirms them: one run at each predicted end.
+
+    All values in one batch. x + z C g/sigma is where the linearised problem has its least chi
+    square at that value.
+    """
+    here, likelihood = shared.optimum.expansion, shared.optimum.likelihood
+    covariance = data_covariance(shared.optimum)
+    places: list[tuple[_SideScan, float, FloatArray]] = []
+    for side in sides:
+        q = side.quantity
+        if np.all(np.isfinite(q.slope)) and q.sigma > 0.0:
+            along = covariance @ q.slope / q.sigma
+            for root in (ROOT_68, ROOT_95):
+                x = here.x + side.sign * reach(root, q.freedom) * along
+                places.append((side, root, np.clip(x, likelihood.lower, likelihood.upper)))
+    try:
+        requests = [Request((x,), outputs=s.quantity.output >= 0) for s, _, x in places]
+        answers = shared.evaluator(requests) if requests else []
+    except Exhausted:
+        return
+    agreeing: dict[int, list[bool]] = {}
+    for (side, root, _), [sample] in zip(places, answers, strict=True):
+        at = Expansion(sample, here.matrix, here.outward, age=1)
+        side.tried.append(at)
+        agreeing.setdefault(id(side), []).append(_agrees(side, root, at))
+    for side in sides:
+        q, agree = side.quantity, agreeing.get(id(side), [])
+        points = [shared.point(q, at) for at in side.tried]
+        # a scan accepts what its search has followed; these, what stored slopes have followed
+        shared.accept([p for p, is_near in zip(points, agree, strict=True) if is_near])
+        if not agree or not all(agree):
+            continue
+        # no known point of the side may fit better than the linearised profile has it there
+        excess = [
+            side.sign * (q.of(p.at.sample) - q.best) / q.sigma - reach(p.root, q.freedom)
+            for p in shared.fitting()
+        ]
+        if not any(each > 2.0 * AGREES * ROOT_95 for each in excess):
+            # the ends are where sqrt(Dchi^2), straight through the points, has its thresholds
+            end68, end95 = (
+                q.best + (p.value - q.best) * root / p.root
+                for p, root in zip(points, (ROOT_68, ROOT_95), strict=True)
+            )
+            known = Side(
+                points=tuple(points),
+                closed=side.closed_by(points[-1]),
+                end68=end68,
+                end95=end95,
+                own95=end95,
+                is_verified=True,
+            )
+            side.result = side.with_simulation(known)
+
+
+def _agrees(side: _SideScan, root: float, at: Expansion) -> bool:
+    """Whether chi square at a predicted end is as foreseen, also after the others have followed.
+
+    Both are upper bounds of the profile: the second one is that of the stored slopes, which see a
+    valley that bends away from the predicted end.
+    """
+    q, optimum = side.quantity, side.shared.optimum
+    here, rows = optimum.expansion, at.sample.rows
+    foreseen = reach(root, q.freedom) ** 2
+    increase = float(rows @ rows) - optimum.least
+    step = side.sign * reach(root, q.freedom) * q.sigma
+    value = q.of(at.sample)
+    if not (
+        abs(increase / foreseen - 1.0) <= AGREES
+        and abs(value - q.best - step) <= AGREES * abs(step)
+    ):
+        return False
+    scale = optimum.likelihood.widths
+    normal = q.slope * scale / np.linalg.norm(q.slope * scale)
+    scaled = here.matrix * scale
+    tangent = scaled - np.outer(scaled @ normal, normal)
+    # directions that the data hardly see are not followed: nothing moves along them
+    left, singular, _ = np.linalg.svd(tangent, full_matrices=False)
+    followed = singular**2 / (singular**2 + 1.0)
+    gain = float(np.sum(followed * (left.T @ rows) ** 2))
+    gain -= float(np.sum(followed * (left.T @ here.sample.rows) ** 2))
+    if gain > FOLLOWED * foreseen:
+        return False
+    besides = [q.index] if q.index >= 0 else []
+    held = q.constraint(value, step) if q.output >= 0 else UNCONSTRAINED
+    return not active_bounds_at(optimum.likelihood, at, besides, held)
+
+
+# --- ends of ranges -------------------------------------------------------------------------------
+
+
+def _try_ends(
+    shared: Shared, open_: Sequence[_SideScan], ranges: Mapping[str, OutputRange]
+) -> None:
+    """Sides whose bound fits: tried from known points, that one first which fits best there.
+
+    What was reached is shared at once: where a parameter ends may lie next to where another does.
+    Half a period away nothing is decided by a fit alone: such parameters are scanned. Of an output,
+    in turn the known point with the nearest value leads there, and a known point at which what the
+    output depends on is put, and held, where it has its extreme.
+    """
+    rest, reached = [s for s in open_ if not s.quantity.is_periodic], list[_SideScan]()
+    # what an output depends on and no prior holds: that is best where the data have it, (n,)
+    has_prior = shared.optimum.likelihood.inverse_prior_sigma > 0.0
+    movable = {name: np.flatnonzero(each.depends & ~has_prior) for name, each in ranges.items()}
+    for attempt in range(ATTEMPTS + 1):
+        there = [s for s in rest if s.is_reached()]
+        reached += there
+        rest = [s for s in rest if s not in there]
+        near = [s for s in rest if not attempt or s.span < WORTH * s.quantity.sigma]
+        if not near or attempt == ATTEMPTS:
+            break
+        is_projected = bool(attempt % 2)
+        try:
+            begins = _begins(shared, near, ranges, movable, is_projected=is_projected)
+            if not begins:
+                continue
+            places = expand(shared.evaluator, [x for _, x in begins])
+        except Exhausted:
+            break
+        held = []
+        for side, _ in begins:
+            q, step = side.quantity, (side.limit - side.quantity.best) / STEPS
+            if q.output >= 0 and is_projected:
+                frozen = tuple(map(int, movable[q.name]))
+                held.append(Constraint(target=side.limit, frozen=frozen))
+            else:
+                held.append(q.constraint(side.limit, step))
+        least = shared.optimum.least
+        most = max(reach(ROOT_95, side.quantity.freedom) ** 2 for side, _ in begins)
+        goal = Goal(enough=least + ENOUGH, wanted=least + most, confirmed=False)
+        ends = minimise(shared.evaluator, places, held, goal)
+        pairs = zip(begins, ends, strict=True)
+        shared.accept([shared.point(side.quantity, end.end) for (side, _), end in pairs])
+    for side in reached:
+        side.result = side.open_side()
+
+
+def _begins(
+    shared: Shared,
+    sides: Sequence[_SideScan],
+    ranges: Mapping[str, OutputRange],
+    movable: Mapping[str, IntArray],
+    *,
+    is_projected: bool,
+) -> list[tuple[_SideScan, FloatArray]]:
+    """Where searches for fits at the ends begin, one for each side: the best of known points there.
+
+    Raises:
+        Exhausted: the budget does not allow to evaluate them.
+    """
+    fitting = shared.fitting()
+    known = [shared.optimum.expansion.x, *(p.x for p in fitting)]
+    begins: list[tuple[_SideScan, FloatArray]] = []
+    places: list[tuple[_SideScan, FloatArray]] = []
+    for side in sides:
+        q = side.quantity
+        if q.index < 0 and not is_projected:
+            values = [q.best, *(q.of(p.at.sample) for p in fitting)]
+            order = np.argsort(np.abs(np.array(values) - side.limit), kind="stable")
+            new = [known[k] for k in order if known[k].tobytes() not in side.attempted]
+            begins += [(side, x) for x in new[:1]]
+            continue
+        if q.index >= 0:
+            axes, end = np.array([q.index]), np.full(known[0].size, side.limit)
+        else:
+            range_ = ranges[q.name]
+            axes, end = movable[q.name], (range_.x_low, range_.x_high)[side.side]
+        if np.all(np.isfinite(end[axes])):
+            moved = [x.copy() for x in known]
+            for x in moved:
+                x[axes] = end[axes]
+            mine = {x.tobytes(): x for x in moved}
+            new = [x for key, x in mine.items() if key not in side.attempted]
+            places += [(side, x) for x in new[:CANDIDATES]]
+    best: dict[int, tuple[float, _SideScan, FloatArray]] = {}
+    if places:
+        answers = shared.evaluator([Request((x,), outputs=False) for _, x in places])
+        for (side, x), [sample] in zip(places, answers, strict=True):
+            square = float(sample.rows @ sample.rows)
+            if square < best.get(id(side), (math.inf,))[0]:  # not where the model failed
+                best[id(side)] = square, side, x
+    begins += [(side, x) for _, side, x in best.values()]
+    for side, x in begins:
+        side.attempted.add(x.tobytes())
+    return begins
+
+
+# --- scans ----------------------------------------------------------------------------------------
+
+
+def _scan(shared: Shared, scans: Sequence[_SideScan]) -> None:
     """Rounds in which every scan goes one point on, in common batches.
 
     Searches go on by updated slopes; near and beyond the threshold a minimum is confirmed by
     slopes that are taken there.
     """
+    least = shared.optimum.least
+    far = reach(FAR, shared.optimum.noise_freedom) ** 2
+    goal = Goal(enough=least + INSIDE, wanted=least + far, confirmed=False)
     for _ in range(ROUNDS):
         for scan in scans:
-            q = scan.quantity
-            if not (scan.closed or q.is_periodic or scan.outside) and is_reached(
-                shared, q, scan.side
-            ):
+            if not (scan.closed or scan.outside) and scan.is_reached():
                 scan.closed = "bound"
         active = [scan for scan in scans if not scan.closed and scan.aim()]
         if not active:
@@ -334,24 +639,17 @@ def _run(shared: Shared, scans: Sequence[_SideScan]) -> None:
             return
         for scan, at in zip(fresh, slopes, strict=True):
             scan.begin, scan.wants_slopes = at, False
-        constraints = [scan.constraint() for scan in active]
-        goal = Goal(
-            enough=shared.optimum.least + INSIDE,
-            wanted=shared.optimum.least + reach(FAR, shared.optimum.noise_freedom) ** 2,
-            confirmed=False,
-        )
-        ends = minimise(shared.evaluator, [scan.begin for scan in active], constraints, goal)
-        near = [
-            k
-            for k, (scan, end) in enumerate(zip(active, ends, strict=True))
-            if not end.is_cut
-            and (end.end.age or not end.reached)
-            and ROOT_95 - CONFIRMED <= shared.point(scan.quantity, end.end).root <= FAR
-        ]
+        held = [scan.constraint() for scan in active]
+        ends = minimise(shared.evaluator, [scan.begin for scan in active], held, goal)
+        near = []
+        for k, (scan, end) in enumerate(zip(active, ends, strict=True)):
+            root = shared.point(scan.quantity, end.end).root
+            is_sure = end.reached and not end.end.age
+            if not (end.is_cut or is_sure) and ROOT_95 - CONFIRMED <= root <= FAR:
+                near.append(k)
         if near:
-            confirmed = minimise(
-                shared.evaluator, [ends[k].end for k in near], [constraints[k] for k in near]
-            )
+            begins = [ends[k].end for k in near]
+            confirmed = minimise(shared.evaluator, begins, [held[k] for k in near])
             for k, end in zip(near, confirmed, strict=True):
                 ends[k] = end
         for scan, end in zip(active, ends, strict=True):
@@ -368,11 +666,9 @@ def _predict(shared: Shared, scans: Sequence[_SideScan]) -> None:
             share = (scan.target - other.value) / (other.value - one.value)
             x = np.clip(other.x + share * (other.x - one.x), likelihood.lower, likelihood.upper)
             led.append((scan, x))
-    if not led:
-        return
     try:
         requests = [Request((x,), outputs=scan.quantity.output >= 0) for scan, x in led]
-        answers = shared.evaluator(requests)
+        answers = shared.evaluator(requests) if led else []
     except Exhausted:
         return
     for (scan, _), [sample] in zip(led, answers, strict=True):
@@ -381,35 +677,31 @@ def _predict(shared: Shared, scans: Sequence[_SideScan]) -> None:
             scan.begin = replace(scan.begin, sample=sample, age=scan.begin.age + 1)
 
 
-def _extend(
-    shared: Shared, wanted: Sequence[Quantity], sides: dict[Key, Side], scans: list[_SideScan]
-) -> None:
+def _extend(shared: Shared, sides: Sequence[_SideScan]) -> None:
     """Scans go on from the farthest point in hand that fits and lies beyond where they ended."""
     for _ in range(EXTENSIONS):
-        fitting = shared.fitting()
-        going: list[_SideScan] = []
-        for q in wanted:
-            for side, sign in ((0, -1.0), (1, 1.0)):
-                scan = next((w for w in scans if w.quantity is q and w.side == side), None)
-                known = sides.get(q.key(side)) if scan is None else scan.ended()
-                if known is None or known.closed in ("bound", "periodic"):
-                    continue
-                is_crossed = known.closed in ("data", "prior")
-                end = known.end95 if is_crossed or scan is None else scan.last.value
-                margin = BEYOND * abs(end - q.best) + 1e-9 * q.width
-                beyond = [(sign * (q.of(p.at.sample, shared.periods) - end), p) for p in fitting]
-                beyond = [(gap, p) for gap, p in beyond if gap > margin]
-                if not beyond:
-                    continue
-                point = max(beyond, key=lambda each: each[0])[1]
-                if scan is None:
-                    scan = _SideScan(shared, q, side, None)
-                    scan.first95 = known.own95
-                    scan.points += list(known.points)
-                    scans.append(scan)
-                    del sides[q.key(side)]
-                scan.extend_from(replace(point, value=q.of(point.at.sample, shared.periods)))
-                going.append(scan)
+        fitting, going = shared.fitting(), list[_SideScan]()
+        for scan in sides:
+            q = scan.quantity
+            known = scan.result or scan.ended()
+            if known.closed in ("bound", "periodic"):
+                continue
+            is_end = scan.result is not None or known.closed in ("data", "prior")
+            end = known.end95 if is_end else scan.last.value
+            margin = BEYOND * abs(end - q.best) + 1e-9 * (q.high - q.low)
+            gaps = [scan.sign * (q.of(p.at.sample) - end) for p in fitting]
+            gaps = [gap if gap > margin else -math.inf for gap in gaps]
+            if not max(gaps, default=-math.inf) > margin:
+                continue
+            if scan.result is not None:  # it was closed without a scan
+                scan.first95, scan.result = known.own95, None
+                scan.points += list(known.points)
+            point = fitting[gaps.index(max(gaps))]
+            scan.points += [p for p in (*scan.inside, scan.outside) if p is not None]
+            scan.inside, scan.outside = [replace(point, value=q.of(point.at.sample))], None
+            scan.origin, scan.misses, scan.narrowed = scan.last.value, 0, 0
+            scan.tried, scan.closed = [], ""
+            going.append(scan)
         if not going:
             return
         try:
@@ -420,4 +712,4 @@ def _extend(
             return
         for scan, at in zip(going, started, strict=True):
             scan.inside[-1] = replace(scan.last, at=at)
-        _run(shared, going)
+        _scan(shared, going)
