@@ -17,7 +17,7 @@ multiplied by the number of points (Bonferroni: noise at each may look like a li
 against every form of one line, also one that bends with its amplitude or is behind a cable. This
 holds where the noise is stated as well.
 
-Of complex values the forms are one to three lines on the background of the fit or on a larger one:
+Of complex values the forms are one to three lines on the background of the fit or on the next one:
 the simplest one that refutes the model and is not refuted by another one. Of a free decay it is one
 line more than the model has states for. What the simulation may be off by counts as left by every
 form.
@@ -313,7 +313,7 @@ def _complex_forms(
     sizes = [
         (lines, columns)
         for lines in range(1, MOST_LINES + 1)
-        for columns in range(fitted.columns, len(BACKGROUNDS) + 1)
+        for columns in range(fitted.columns, min(fitted.columns + 1, len(BACKGROUNDS)) + 1)
     ]
     low, high = frequency_hz[0], frequency_hz[-1]
     for lines, columns in sorted(sizes, key=lambda each: 2 * each[0] + each[1]):
