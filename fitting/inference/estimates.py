@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from fitting.campaign.parameters import canonical, search_bounds, to_model
 from fitting.fit.differences import Stencil, central
-from fitting.fit.options import ALGORITHM2, LIKELIHOOD
 from fitting.fit.outputs import mean
 from fitting.fit.solution import Solution
 from fitting.inference.likelihood.ranges import output_ranges
@@ -42,21 +41,16 @@ OUTPUT_STEP = 1e-4
 DETERMINED = 0.1
 
 
-@dataclass(frozen=True)
-class Estimates:
-    """Both estimates of all parameters (n,), each in its unit, and which of them is reported.
+class Estimates(NamedTuple):
+    """Estimates of all parameters (n,), each in its unit.
 
-    `best` is the most likely point, `paper` the end of Algorithm 2, NaN where it was not asked for.
+    `best` is the most likely point, `paper` the end of Algorithm 2, NaN where it was not asked for;
+    `reported` is the one of them that is the value.
     """
 
     best: FloatArray
     paper: FloatArray
-    estimator: str = LIKELIHOOD
-
-    @property
-    def reported(self) -> FloatArray:
-        """The one that is the value."""
-        return self.paper if self.estimator == ALGORITHM2 else self.best
+    reported: FloatArray
 
 
 @dataclass(frozen=True)
@@ -134,9 +128,7 @@ def parameter_results(solution: Solution, estimates: Estimates) -> dict[str, Par
         estimates: both estimates.
     """
     parameters, results = solution.parameters, {}
-    shown, paper, reported = (
-        canonical(parameters, p) for p in (estimates.best, estimates.paper, estimates.reported)
-    )
+    shown, paper, reported = (canonical(parameters, p) for p in estimates)
     for i, p in enumerate(parameters):
         if p.experiments:
             continue

@@ -16,6 +16,7 @@ from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.optimum import active_bounds_at, most_likely
+from fitting.fit.options import ALGORITHM2
 from fitting.inference.adequacy import adequacy_of, ending_of, unseen
 from fitting.inference.checks.mistakes import without_outliers
 from fitting.inference.closer_form import closer_form
@@ -289,7 +290,8 @@ def _assemble(
         ending = replace(ending, kind="contradiction", contradictions=against)
 
     # values, without those that campaigns contradict each other about
-    estimates = Estimates(read.best, fit.paper, fit.options.estimator)
+    is_paper = fit.options.estimator == ALGORITHM2
+    estimates = Estimates(read.best, fit.paper, fit.paper if is_paper else read.best)
     parameters = parameter_results(solution, estimates)
     seed = fit.options.schedule.seed
     derived = derived_results(solution, outputs, estimates, request.units, seed)
