@@ -444,10 +444,10 @@ class Probe:
         beats = min(BEAT_STEPS * span_hz, 2.0 * SUBSTEPS * self.fastest_hz)
         chosen = {**self.drives[0].start_values, **settings}
 
-        def value(name: str) -> Scalar | None:
+        def start(name: str) -> Scalar | None:
             return chosen.get(name, getattr(self.known.variables.get(name), "start", None))
 
-        slow = any(all(value(k) == v for k, v in each.items()) for each in self.known.slow)
+        slow = any(all(start(k) == v for k, v in each.items()) for each in self.known.slow)
         return beats if slow else UNNAMED * self.fastest_hz + beats
 
     def acts_as_substep(self, settings: Mapping[str, Scalar]) -> bool:

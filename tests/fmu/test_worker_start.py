@@ -170,7 +170,8 @@ assert status == 0
 assert workers.run([run])[0].tobytes() == before
 print(workers.counts.processes)
 """
-    assert run_python(["-c", script], ROOT) == ["1"]
+    # Python 3.12 warns of forks beside threads, such as those of linear algebra
+    assert run_python(["-W", "ignore::DeprecationWarning", "-c", script], ROOT) == ["1"]
 
 
 def test_a_process_that_cannot_be_started_is_a_sentence(

@@ -14,9 +14,10 @@ from fitting.fit.fit import Fit, Status, with_path
 from fitting.inference.infer import Inference
 from fitting.inference.joint import contradicted, pair_findings
 from fitting.inference.likelihood.knowledge import JointResult, PairTest, SeriesPart, ValueAlone
-from fitting.measurements.measurement import Prediction, ResidualCurve
+from fitting.measurements.measurement import Prediction
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra
+from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.report.published import rows_of
