@@ -46,6 +46,22 @@ def test_what_is_not_linear_everywhere_is_not_taken_for_it(force: object) -> Non
     assert linear_equations(rate, np.ones(2), driven=True) is None
 
 
+def test_rounding_is_no_constant_force() -> None:
+    """Learnt at rest at 1 mm, where -4000 is off by 5e-13: at x = 0 that would be all there is."""
+
+    def spring(x: np.ndarray, u: float) -> np.ndarray:
+        return np.array([x[1], -4e6 * x[0]])
+
+    found = linear_equations(spring, np.ones(2), driven=False)
+    assert found is not None
+    x = np.array([1e-3, 2.0])
+    anew = found.with_constant(spring(x, 0.0) * (1.0 + 2e-16), x, 0.0)
+    still = np.array([-5.7e-17, 2.0])
+    assert anew.describe(spring(still, 0.0), still, 0.0)
+    pushed = found.with_constant(spring(x, 0.0) - np.array([0.0, 9.81]), x, 0.0)
+    assert pushed.constant == pytest.approx([0.0, -9.81], rel=1e-12)
+
+
 def test_a_state_that_is_refused_is_no_number() -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         assert linear_equations(lambda x, u: np.log(x), np.ones(2), driven=False) is None

@@ -24,6 +24,8 @@ TURN = 2.0 * math.pi
 MOST_STATES = 30
 #: Difference from the FMU's x', of the sum of all terms' sizes, from which it is not linear.
 CURVED = 1e-11
+#: A constant is rounding that is this part of the sizes whose difference it is.
+ROUNDED = 1e-14
 
 #: Sizes of states and input, in their scales, at which equations are looked at beforehand, and how
 #: often at each: limits, gaps and powers show themselves at some of them.
@@ -62,7 +64,11 @@ class LinearEquations:
             x: states, (n,).
             u: the input.
         """
-        return LinearEquations(self.matrix, self.drive, rate - self.matrix @ x - u * self.drive)
+        terms = np.abs(self.matrix * x).sum(axis=1) + np.abs(u * self.drive)
+        constant = rate - self.matrix @ x - u * self.drive
+        # what rounding leaves of a difference is no constant: where all terms are small it is large
+        constant[np.abs(constant) <= ROUNDED * terms] = 0.0
+        return LinearEquations(self.matrix, self.drive, constant)
 
     @cached_property
     def fastest_hz(self) -> float:
