@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.constants import Boltzmann
@@ -449,3 +450,17 @@ def test_a_drive_that_gets_energy_back_is_refused(fmu: ff.Fmu) -> None:
     measured = spectrum(force="thermal", setup=turned)
     with pytest.raises(BadInput, match="lag"):
         fitted(fmu, measured)
+
+
+def test_residuals_are_signed_roots_of_deviances_however_close_to_what_is_simulated() -> None:
+    """Of 50 digits: the difference x - 1 - ln x cancels in doubles, and its series does not."""
+    x = np.array(
+        [0.3, 0.9, 1.1, 1.0 - 5e-3, 1.0 - 9e-5, 1.0 - 2e-8, 1.0 + 2e-8, 1.0 + 9e-5, 1.0 + 5e-3, 4.0]
+    )
+    simulated = np.full(x.size, 2.5)
+    record = NoiseRecord(1e3 + np.arange(x.size), x * simulated, averages=100)
+    with mpmath.workdps(50):
+        exact = [mpmath.mpf(float(v)) / mpmath.mpf(2.5) for v in x * simulated]
+        roots = [mpmath.sqrt(200 * (v - 1 - mpmath.log(v))) for v in exact]
+    wanted = [float(-mpmath.sign(v - 1) * root) for v, root in zip(exact, roots, strict=True)]
+    assert record.residuals(simulated) == pytest.approx(wanted, rel=1e-7, abs=1e-14)

@@ -14,3 +14,6 @@ def test_settling_leaves_what_was_asked_for() -> None:
     assert math.exp(-math.pi * 25.0 * settle) == pytest.approx(1e-7, rel=1e-9)
     with pytest.raises(ValueError, match="line width"):
         settling_s(0.0, 1e-7)
+    for accuracy in (0.0, 1.5, -1e-3):
+        with pytest.raises(ValueError, match="accuracy"):
+            settling_s(50.0, accuracy)
