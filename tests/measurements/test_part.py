@@ -130,7 +130,8 @@ def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
     record = problem.part({"depth": 0.0}).record
     alone = ff.Problem.answered_by(lambda _: lines, record)
     part = ff.identify(alone, budget=budget)
-    assert part.knowledge.effort.fmu_runs > 0.9 * budget  # it was cut
+    # it was cut: what is left is less than a round of the search takes
+    assert part.knowledge.effort.fmu_runs > 0.85 * budget
     assert part.profiled["theta"].status is Verdict.UNCONSTRAINED
     found = part.profiled["lambda12"]
     assert found.status is Verdict.UNCONSTRAINED
