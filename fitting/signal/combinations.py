@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from fitting.signal.tones import exact
@@ -132,10 +132,8 @@ def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
     """
     if order < 2:
         return ()
-    tones = [exact(f) for f in tones_hz]
-    mixed = [factors for factors in mixed_lines(len(tones), order) if sum(map(abs, factors)) > 1]
-    lines = [sum(k * f for k, f in zip(factors, tones, strict=True)) for factors in mixed]
-    return tuple(sorted({float(abs(f)) for f in lines if f}))
+    mixed = (k for k in mixed_lines(len(tones_hz), order) if sum(map(abs, k)) > 1)
+    return tuple(sorted(_positive_hz(tones_hz, mixed)))
 
 
 def beside_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
@@ -147,10 +145,15 @@ def beside_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
         tones_hz: frequencies of the tones, Hz.
         order: highest sum of the absolute factors.
     """
+    near = (k for k in mixed_lines(len(tones_hz), order) if abs(sum(k)) == 1 < sum(map(abs, k)))
+    return tuple(sorted(_positive_hz(tones_hz, near) - set(tones_hz)))
+
+
+def _positive_hz(tones_hz: Sequence[float], factors: Iterable[tuple[int, ...]]) -> set[float]:
+    """Frequencies of lines with these factors of the tones as they were written; none at zero."""
     tones = [exact(f) for f in tones_hz]
-    factors = [k for k in mixed_lines(len(tones), order) if abs(sum(k)) == 1 < sum(map(abs, k))]
-    lines = {abs(sum(a * f for a, f in zip(k, tones, strict=True))) for k in factors}
-    return tuple(sorted(float(f) for f in lines - {*tones, 0}))
+    lines = (sum(a * f for a, f in zip(k, tones, strict=True)) for k in factors)
+    return {float(abs(f)) for f in lines if f}
 
 
 def combination_name(factors: Sequence[int], names: Sequence[str]) -> str:
