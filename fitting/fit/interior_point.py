@@ -91,7 +91,7 @@ def solve(
             minimum that no corner of the rows holds.
 
     Raises:
-        FmuFailure: the model failed at a point inside the box.
+        FmuFailure: the model failed at the start, or beside an iterate.
 
     Source: R. Byrd, M. Hribar and J. Nocedal, "An interior point algorithm for large-scale
     nonlinear programming", SIAM J. Optim. 9 (1999) 877; the paper's Algorithm 2, line 3.
@@ -141,7 +141,7 @@ def second_value(evaluator: Evaluator, start: FloatArray, nu: Nu, misfit: str) -
         misfit: "slack" or "absolute" (sum of absolute values), or "squares".
 
     Raises:
-        FmuFailure: the model failed at a point inside the box.
+        FmuFailure: the model failed at the start, or beside an iterate.
     """
     here = evaluator.point(start)
     m, tikhonov = here.residuals.size, np.sqrt(np.broadcast_to(nu, start.shape))
@@ -150,7 +150,7 @@ def second_value(evaluator: Evaluator, start: FloatArray, nu: Nu, misfit: str) -
     weights = np.sqrt(2.0 * here.row_weights) if misfit == "squares" else np.ones(m)
 
     def rows(x: FloatArray) -> FloatArray:
-        point = evaluator.point(np.array(x))
+        point = evaluator.trial(np.array(x))
         values.append(total(point, nu, misfit))
         return np.concatenate([weights * point.residuals, tikhonov * x])
 
@@ -191,7 +191,7 @@ def _slack_problem(
     straight = csr_array((n + m, n + m))
 
     def bands(y: FloatArray) -> FloatArray:
-        r, s = evaluator.point(np.array(y[:n])).residuals, y[n:]
+        r, s = evaluator.trial(np.array(y[:n])).residuals, y[n:]
         return np.concatenate([r - s, -r - s])
 
     def band_slopes(y: FloatArray) -> Any:
@@ -226,7 +226,7 @@ def _squares_problem(evaluator: Evaluator, x0: FloatArray, nu: Nu) -> dict[str, 
         return np.asarray(matrix.T @ weighted + np.diag(np.broadcast_to(nu, x.shape)))
 
     return {
-        "fun": lambda x: total(evaluator.point(np.array(x)), nu, "squares"),
+        "fun": lambda x: total(evaluator.trial(np.array(x)), nu, "squares"),
         "x0": x0,
         "jac": gradient,
         "hess": hessian,

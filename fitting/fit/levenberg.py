@@ -166,7 +166,7 @@ def expand(
 
     Raises:
         Exhausted: the budget does not allow them.
-        FmuFailure: the model failed at more points than can be left out.
+        FmuFailure: the model failed at a dozen points and has answered at none.
     """
     return _side_by_side(evaluator, [_expand(evaluator.likelihood, x, outputs) for x in xs])
 
@@ -188,7 +188,7 @@ def minimise(
         offsets: rows less by these are those of each search, as of synthetic data.
 
     Raises:
-        FmuFailure: the model failed at more points than can be left out.
+        FmuFailure: the model failed at a dozen points and has answered at none.
     """
     constraints = constraints or [UNCONSTRAINED] * len(begins)
     at_once = max(1, MOST_NUMBERS // max((b.matrix.size for b in begins), default=1))

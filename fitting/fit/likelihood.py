@@ -32,8 +32,9 @@ from fitting.fit.outputs import answered_apart, output_means_beyond, runs_of_out
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
 
-#: Points of the box at which a model may fail, and as many as it has answered at: a box may have a
-#: part that the model refuses. Beyond both the failure is passed on.
+#: Points of the box at which a model may fail before it has answered at any: then the failure is
+#: passed on. Of a model that answers somewhere they are no bad input: a box may lie for the most
+#: part where coupled modes have no motion.
 MOST_FAILURES = 12
 #: Relative rounding of a period.
 ROUNDING = 1e-9
@@ -229,7 +230,7 @@ class LikelihoodEvaluator:
 
         Raises:
             Exhausted: the limit is reached.
-            FmuFailure: the model failed at more points than can be left out.
+            FmuFailure: the model failed at a dozen points and has answered at none.
         """
         wanted = sum(len(request.xs) for request in requests if request.rows)
         each = self.spent / self.evaluations if self.evaluations else 1.0
@@ -288,7 +289,7 @@ class LikelihoodEvaluator:
     def _failed(self, x: FloatArray, failure: Exception) -> FloatArray:
         # a model that answers with nothing fits infinitely badly there, and has not failed
         is_failure = in_box(self.likelihood.parameters, x) and not isinstance(failure, NoScale)
-        if is_failure and self.failures >= max(MOST_FAILURES, self.answered):
+        if is_failure and not self.answered and self.failures >= MOST_FAILURES:
             raise failure
         self.failures += is_failure
         return np.full(self.likelihood.data_rows + x.size, np.nan)

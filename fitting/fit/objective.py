@@ -23,6 +23,7 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.fit.differences import Stencil, central, forward
+from fitting.fit.outputs import answered_apart
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, Response, Values
 from fitting.text.arrays import FloatArray
@@ -162,6 +163,21 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
         squares=squares,
         row_weights=row_weights,
         promised=evaluation.promised,
+    )
+
+
+def _away(objective: Objective, x: FloatArray) -> Point:
+    """The point at a search vector at which the model fails: as far from the data as can be."""
+    rows = objective.data.sigma.size
+    return Point(
+        x=x.copy(),
+        parameters=to_model(objective.parameters, x),
+        residuals=np.full(rows, LARGEST),
+        chis=(),
+        scaled=(),
+        scale_bias=np.nan,
+        squares=LARGEST**2,
+        row_weights=np.zeros(rows),
     )
 
 
@@ -310,6 +326,25 @@ class Evaluator:
             x: search vector (n,).
         """
         return _remembered(self._points, x.tobytes(), lambda: self.points([x])[0])
+
+    def trial(self, x: FloatArray) -> Point:
+        """The point at x, from which a solver turns away where the model fails.
+
+        Args:
+            x: search vector (n,).
+        """
+        return _remembered(self._points, x.tobytes(), lambda: self.trials([x])[0])
+
+    def trials(self, xs: Sequence[FloatArray]) -> list[Point]:
+        """Points at several search vectors; where the model fails every residual is LARGEST.
+
+        Args:
+            xs: search vectors, (n,) each.
+
+        Raises:
+            NoAnswer: the model does not answer any more.
+        """
+        return answered_apart(self.points, xs, lambda x, _: _away(self.objective, x))
 
     def points(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
         """Points at several search vectors, in one batch.

@@ -265,7 +265,7 @@ def _multistart(
 ) -> Solve:
     """The lowest end of all starts, its last digits with curvature."""
     misfit, box = options.misfit, Box(evaluator.objective.parameters)
-    points = evaluator.points([*begins, *box.spread(SCREENED, options.schedule.seed)])
+    points = evaluator.trials([*begins, *box.spread(SCREENED, options.schedule.seed)])
     chosen: list[FloatArray] = []
     for point in sorted(points, key=lambda each: total(each, nu, misfit)):
         if len(chosen) < STARTS and all(box.apart(point.x, x) > APART for x in chosen):

@@ -227,7 +227,7 @@ def screened(
         skip: points of the same sequence that were used before.
 
     Raises:
-        FmuFailure: the model failed at more points than can be left out.
+        FmuFailure: the model failed at a dozen points and has answered at none.
     """
     box = Box(evaluator.likelihood.parameters)
     points = box.spread(number, seed, skip)
@@ -261,7 +261,7 @@ def along_edges(
         offset: of the points along a line, as a share of their distance.
 
     Raises:
-        FmuFailure: the model failed at more points than can be left out.
+        FmuFailure: the model failed at a dozen points and has answered at none.
     """
     box, places = Box(evaluator.likelihood.parameters), (np.arange(ALONG) + offset) / ALONG
     lines, owns = [], []
@@ -297,7 +297,7 @@ def search_box(
         budget: evaluations after which no further round is begun.
 
     Raises:
-        FmuFailure: the model failed at more points than can be left out.
+        FmuFailure: the model failed at a dozen points and has answered at none.
     """
     likelihood, box = evaluator.likelihood, Box(evaluator.likelihood.parameters)
     unknowns = int(np.count_nonzero(box.free))

@@ -27,7 +27,7 @@ from scipy.special import bdtrc
 from fitting.signal.chi_square import tail
 from fitting.signal.residual_tests import LAGS, SMALLEST_RESIDUAL, white_noise_p
 from fitting.signal.roughness import MEDIAN_OF_NORMAL
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, IntArray
 
 #: Probability of residuals along an axis, by white noise, below which they are correlated.
 CORRELATED = 1e-6
@@ -43,7 +43,7 @@ TESTABLE = 20.0
 #: Degrees of freedom from which the test for structure misses little, and its probability below
 #: which fewer are in doubt.
 SURE, DOUBTFUL = 50.0, 0.05
-#: Share of the residuals that may be outliers, how many at most, and standard deviations off.
+#: Share of the readings that may be outliers, how many at most, and standard deviations off.
 FEW, MOST_OFF, FAR = 0.02, 10, 5.0
 
 
@@ -143,22 +143,26 @@ def of_one_size(white: FloatArray) -> bool:
     return bool(bdtrc(inside - 1, sizes.size, 0.5) >= CORRELATED)
 
 
-def far_off(white: FloatArray, slopes: FloatArray) -> tuple[int, ...]:
+def far_off(white: FloatArray, slopes: FloatArray, readings: IntArray) -> tuple[int, ...]:
     """Numbers of single residuals that make up a misfit alone, the farthest first; mostly none.
 
     As few are left out of a linear fit as do until chi square of the rest is what the noise
-    explains, or nearly (`misfit_of`); each is FAR beyond that fit, and they are few.
+    explains, or nearly (`misfit_of`); each is FAR beyond that fit, and their readings are few.
 
     Args:
         white: over their noise, shape (m,).
         slopes: their derivatives by all that is fitted, shape (m, k).
+        readings: which one each is of, shape (m,): peaks of one experiment are one reading.
     """
     out: list[int] = []
-    for _ in range(min(MOST_OFF, max(1, int(FEW * white.size)))):
+    most = min(MOST_OFF, max(1, int(FEW * white.size)))
+    while True:
         left = _left_without(white, slopes, out)
         sizes = np.abs(left)
         sizes[out] = 0.0
         out.append(int(np.argmax(sizes)))
+        if np.unique(readings[out]).size > most:
+            return ()
         left = _left_without(white, slopes, out)
         freedom = white.size - len(out) - slopes.shape[1]
         if freedom < 1 or np.min(np.abs(left[out])) < FAR:
@@ -166,7 +170,6 @@ def far_off(white: FloatArray, slopes: FloatArray) -> tuple[int, ...]:
         rest = float(left @ left - left[out] @ left[out])
         if not tail(rest, freedom) < IMPROBABLE or rest <= NOTICED * freedom:
             return tuple(out)
-    return ()
 
 
 def _left_without(white: FloatArray, slopes: FloatArray, out: list[int]) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from fitting.campaign.parameters import search_bounds
 from fitting.fit.interior_point import inside, second_value, solve
 from fitting.fit.objective import Evaluator, Objective, make_objective, total
 from fitting.fit.path import own_start
+from fitting.text.errors import FmuFailure
 from tests.support import closed_form
 from tests.support.rows import rows_evaluator
 
@@ -35,7 +37,7 @@ def exact(misfit: str, nu: float) -> float:
 @pytest.mark.parametrize("nu", [0.0, 0.5, 0.8, 4.0])
 def test_the_minimum_is_that_of_the_closed_form(misfit: str, nu: float) -> None:
     evaluator = three()
-    end = solve(evaluator, np.array([-5.0]), nu, misfit)
+    end = solve(evaluator, np.array([-2.0]), nu, misfit)
     x = exact(misfit, nu)
     least = total(evaluator.point(np.array([x])), nu, misfit)
     assert end.converged
@@ -77,9 +79,30 @@ def test_one_iterate_is_never_worse_than_the_start(misfit: str) -> None:
     assert end.value <= total(evaluator.point(x), 0.8, misfit)
 
 
+@pytest.mark.parametrize("misfit", ["slack", "squares"])
+def test_solvers_turn_away_from_where_the_model_fails(misfit: str) -> None:
+    """Steps along arctan overshoot its zero at -1, and the model ends half a unit beyond."""
+
+    def rows(p: np.ndarray) -> np.ndarray:
+        if p[0] < -1.5:
+            raise FmuFailure("no motion", {"a": float(p[0])}, Path("test.fmu"))
+        return np.repeat(np.arctan(p[0] + 1.0), 3)
+
+    evaluator, start = rows_evaluator(rows, [-99.0], [99.0]), np.array([2.0])
+    end = solve(evaluator, start, 0.0, misfit)
+    assert end.x == pytest.approx([-1.0], abs=0.02)
+    begun = total(evaluator.point(start), 0.0, misfit)
+    assert second_value(evaluator, start, 0.0, misfit) < 0.5 * begun
+    here, away = evaluator.trials([start, np.array([-2.0])])
+    assert total(here, 0.0, misfit) == begun
+    assert total(away, 0.0, misfit) > 1e140
+    with pytest.raises(FmuFailure, match="no motion"):
+        solve(evaluator, np.array([-2.0]), 0.0, misfit)
+
+
 def test_there_is_one_jacobian_for_each_iterate() -> None:
     evaluator = three()
-    end = solve(evaluator, np.array([-5.0]), 0.5, "slack")
+    end = solve(evaluator, np.array([-2.0]), 0.5, "slack")
     assert evaluator.counts.jacobians <= end.iterations + 1
 
 

@@ -265,10 +265,11 @@ def drifted(
     gain: float = 1.0,
     bend_hz: float = 0.0,
     off: Mapping[int, float] | None = None,
+    times: int = 1,
 ) -> Laboratory:
     """Seven pairs of tones while the mode drifts, and a sweep of before, which tells the scale."""
     rng = np.random.default_rng(4)
-    tones = F_HZ + np.array(OFFSETS_HZ, dtype=float)
+    tones = F_HZ + np.array(OFFSETS_HZ * times, dtype=float)
     rows = []
     for k, pair in enumerate(tones):
         part = k / (len(tones) - 1.0)
@@ -363,6 +364,14 @@ def test_the_one_mistake_is_named_and_no_other(name: str, swift_fmu: Path, tmp_p
     if "removed" in cause.numbers:
         assert cause.numbers["removed"] > 0.9
     assert f"{case.subject}: " in printed
+
+
+def test_both_peaks_of_one_experiment_are_no_larger_noise(swift_fmu: Path, tmp_path: Path) -> None:
+    """15 standard deviations off in one of 35: chi square is as if all noise were larger."""
+    code, result, _ = drifted(off={2: 1.15}, times=5).reconstructed(swift_fmu, tmp_path)
+    assert code == 0
+    assert [f.subject for f in result.findings if f.kind is Kind.outlier] == ["e2", "e2"]
+    assert Kind.noise_underestimated not in {f.kind for f in result.findings}
 
 
 def test_values_of_a_misfit_are_told_nowhere(swift_fmu: Path, tmp_path: Path) -> None:

@@ -169,4 +169,4 @@ def test_points_at_which_the_model_fails_are_left_out() -> None:
     answers = evaluator([Request((good, failed, good))])[0]
     assert [bool(np.all(np.isfinite(a.rows))) for a in answers] == [True, False, True]
     with pytest.raises(FmuFailure, match="overdamped"):
-        evaluator([Request((failed,) * (MOST_FAILURES + 1))])
+        evaluator_of(objective)([Request((failed,) * (MOST_FAILURES + 1))])

@@ -91,6 +91,16 @@ def test_single_residuals_far_off_are_told_from_larger_noise() -> None:
     """One of 60 that has pulled a constant along, and three times as much noise."""
     white = np.random.default_rng(2).standard_normal(200)
     white[17] = 60.0
-    slopes = np.ones((200, 1))
-    assert far_off(white - 3.0, slopes) == (17,)
-    assert far_off(3.0 * np.random.default_rng(3).standard_normal(200), slopes) == ()
+    slopes, each = np.ones((200, 1)), np.arange(200)
+    assert far_off(white - 3.0, slopes, each) == (17,)
+    assert far_off(3.0 * np.random.default_rng(3).standard_normal(200), slopes, each) == ()
+
+
+def test_residuals_of_one_reading_count_as_one() -> None:
+    """Both peaks of one of 30 experiments, or of two of them."""
+    white, experiment = np.random.default_rng(2).standard_normal(60), np.arange(60) // 2
+    white[[8, 9]] += [12.0, 11.0]
+    slopes = np.ones((60, 1))
+    assert sorted(far_off(white, slopes, experiment)) == [8, 9]
+    white[20] -= 9.0
+    assert far_off(white, slopes, experiment) == ()

@@ -129,12 +129,16 @@ def without_outliers(fit: Fit, adequacy: Adequacy) -> Adequacy:
     if not adequacy.noise_factor > 1.0:
         return adequacy
     solution, known = fit.solution, fit.problem.data.sigma > 0.0
+    readings, first = np.arange(known.size), dict[str, int]()
+    for row, (label, _, _) in _lines(fit.problem.data).items():
+        readings[row] = first.setdefault(label, row)  # one mistake puts all peaks of one too high
     try:
         inside = solved_inside(solution, solution.final)
     except (FmuFailure, NoScale):
         return adequacy
     columns, sigma = np.column_stack([solution.matrix, inside])[known], solution.noise.sigma[known]
-    far = far_off(solution.final.residuals[known] / sigma, columns / sigma[:, None])
+    white = solution.final.residuals[known] / sigma
+    far = far_off(white, columns / sigma[:, None], readings[known])
     if not far:
         return adequacy
     rows = tuple(int(k) for k in np.flatnonzero(known)[list(far)])
@@ -159,12 +163,12 @@ def single_rows(solved: Solved) -> Iterator[Finding]:
         curves = m.residual_curves(residuals[at])
         curve = next((c for c in curves if k - at.start in c.rows), None)
         name = "" if curve is None else curve.name
+        subject = "/".join(filter(None, (m.series, name))) or "measurement"
         if curve is not None and curve.axis.size:
             place = float(curve.axis[np.flatnonzero(curve.rows == k - at.start)[0]])
             numbers["time_s" if m.is_trace else "frequency_hz"] = place
         elif k in lines:
-            name, numbers["frequency_hz"], _ = lines[k]
-        subject = "/".join(filter(None, (m.series, name))) or "measurement"
+            subject, numbers["frequency_hz"], _ = lines[k]  # its series is in the label
         yield warning(Kind.outlier, subject, None, **numbers)
 
 
