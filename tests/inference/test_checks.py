@@ -37,6 +37,7 @@ from fitting.inference.likelihood.knowledge import Adequacy
 from fitting.inference.solved import Solved
 from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.measurements.tones import Tones
+from fitting.text.estimate import OffsetEstimate
 from fitting.text.finding import Kind
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS
@@ -202,6 +203,30 @@ def test_a_drift_beyond_the_width_is_named_and_a_smaller_one_is_not(honest: Solv
         assert [f.kind for f in check_drift(solved)] == kinds
 
 
+def test_an_offset_beyond_the_width_is_named_where_its_prior_lets_it_be_so(honest: Solved) -> None:
+    """A step of a walk has no prior of its own: there the data alone say how far it goes."""
+    [(name, _)] = honest.problem.campaigns.items()
+    width = honest.sweeps.lines[name].width.value
+    label = honest.problem.experiments[0].label
+    for share, prior, kinds in (
+        (1.5, 0.1, [Kind.drift_offset_wide]),
+        (0.5, 0.1, []),
+        (1.5, np.nan, []),
+    ):
+        offset = OffsetEstimate(
+            name="offset of eta_plus",
+            value=-share * width,
+            unit="Hz",
+            std=0.01 * width,
+            prior=prior * width,
+            experiments=(label,),
+            variables=("eta_plus",),
+        )
+        found = [*check_drift(replace(honest, offsets=(offset,)))]
+        assert [f.kind for f in found] == kinds
+        assert all(1.5 * width in f.numbers.values() for f in found)
+
+
 def test_a_value_on_its_bound_is_named(honest: Solved) -> None:
     solution = honest.solution
     first, *rest = solution.parameters
@@ -209,9 +234,15 @@ def test_a_value_on_its_bound_is_named(honest: Solved) -> None:
     on = replace(first, lower=value, start=value, reference=value)
     objective = replace(solution.objective, parameters=(on, *rest))
     bounded = replace(honest, solution=replace(solution, objective=objective))
-    found = [f for f in check_bounds(bounded) if f.subject == first.name]
-    assert [(f.kind, f.numbers["at_bound"]) for f in found] == [(Kind.at_bound, 1.0)]
+    [found] = [f for f in check_bounds(bounded) if f.subject == first.name]
+    assert (found.kind, found.numbers["at_bound"]) == (Kind.at_bound, 1.0)
+    assert found.severity == "note"
     assert first.name not in [f.subject for f in check_bounds(honest)]
+    # of a model that does not describe the data the bound may be why
+    [found] = [
+        f for f in check_bounds(replace(bounded, describes=False)) if f.subject == first.name
+    ]
+    assert found.severity == "warning"
 
 
 def test_errors_that_are_not_reported_are_not_correlated(honest: Solved) -> None:

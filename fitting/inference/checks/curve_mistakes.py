@@ -13,6 +13,7 @@ law of the settings shifts curves, too.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
@@ -85,7 +86,7 @@ class Trial:
     curves: tuple[_Curve, ...]
     sizes: FloatArray
     x: FloatArray
-    chi_square: float = 0.0
+    chi_square: float = math.nan
     rows: FloatArray = field(default_factory=lambda: np.empty(0))
     slopes: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
