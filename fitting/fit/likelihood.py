@@ -197,7 +197,8 @@ class LikelihoodEvaluator:
     Those in which derived outputs are read count as well. Runs that points of a batch share count
     once; a model that counts none counts evaluations.
     `progress` is told what was spent when a stage begins and before every batch; `cuts` counts how
-    often the limit was met.
+    often the limit was met, `failures` points of the box at which the model failed, in the words of
+    the first `failure`.
     """
 
     def __init__(
@@ -211,6 +212,7 @@ class LikelihoodEvaluator:
         self._progress = progress
         self._stage, self._before = "", 0
         self.evaluations = self.derived = self.runs = self.failures = self.answered = 0
+        self.failure = ""
         self.cuts = 0
 
     def begin(self, stage: str) -> None:
@@ -291,7 +293,8 @@ class LikelihoodEvaluator:
         is_failure = in_box(self.likelihood.parameters, x) and not isinstance(failure, NoScale)
         if is_failure and not self.answered and self.failures >= MOST_FAILURES:
             raise failure
-        self.failures += is_failure
+        if is_failure:
+            self.failures, self.failure = self.failures + 1, self.failure or str(failure)
         return np.full(self.likelihood.data_rows + x.size, np.nan)
 
     def _outputs(self, xs: Sequence[FloatArray]) -> list[FloatArray]:

@@ -173,7 +173,8 @@ class SearchResult:
 
     `screened` points of the box were evaluated in `screens` rounds, `descents` searches started
     from the best of them. `explained`: whether noise explains the lowest; `twins` number of exact
-    symmetries of the model.
+    symmetries of the model; `refused` points of the box at which the model failed, the first with
+    the words of `refusal`.
     """
 
     screened: int
@@ -183,6 +184,8 @@ class SearchResult:
     twins: int = 0
     evaluations: int
     fmu_runs: int
+    refused: int = 0
+    refusal: str = ""
 
 
 def worth(chi_square: float) -> float:
@@ -342,6 +345,8 @@ def search_box(
         explained=p >= TOO_LARGE_P,
         evaluations=evaluator.evaluations,
         fmu_runs=evaluator.runs,
+        refused=evaluator.failures,
+        refusal=evaluator.failure,
     )
 
 

@@ -20,6 +20,7 @@ from fitting.inference.checks.solutions import (
     check_levels,
     check_minima,
     check_profiles,
+    check_refusals,
     check_residuals,
 )
 from fitting.inference.checks.sweeps import (
@@ -64,6 +65,7 @@ CHECKS: tuple[Check, ...] = (
     check_bounds,
     check_correlation,
     check_minima,
+    check_refusals,
     check_drift,
     check_peaks,
     check_exchanged_peaks,

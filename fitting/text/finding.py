@@ -75,6 +75,7 @@ class Kind(StrEnum):
     equal_objective = "equal_objective"
     level_not_minimised = "level_not_minimised"
     search_unexplained = "search_unexplained"
+    points_refused = "points_refused"
     sampling_ambiguity = "sampling_ambiguity"
     interval_at_bound = "interval_at_bound"
     # what values rest on

@@ -24,6 +24,7 @@ from fitting.inference.checks.solutions import (
     check_correlation,
     check_levels,
     check_minima,
+    check_refusals,
     check_residuals,
 )
 from fitting.inference.checks.sweeps import (
@@ -330,6 +331,25 @@ def test_levels_that_are_not_minimised_are_named(
         assert (each.numbers["levels"], each.numbers["at_limit"]) == (2.0, at_limit)
         assert each.names["above"] == above
     assert [*check_levels(replace(honest, fit=replace(honest.fit, path=())))] == []
+
+
+def test_points_at_which_the_model_fails_are_told_in_its_words(honest: Solved) -> None:
+    assert [*check_refusals(honest)] == []
+    search = SearchResult(
+        screened=64,
+        screens=1,
+        descents=2,
+        explained=True,
+        evaluations=99,
+        fmu_runs=99,
+        refused=7,
+        refusal="no motion",
+    )
+    outcome = replace(honest.fit.outcome, search=search)
+    outcomes = tuple(outcome if o is honest.fit.outcome else o for o in honest.fit.outcomes)
+    [found] = check_refusals(replace(honest, fit=replace(honest.fit, outcomes=outcomes)))
+    assert (found.kind, found.severity) == (Kind.points_refused, "note")
+    assert (found.numbers, found.names) == ({"points": 7.0}, {"words": ("no motion",)})
 
 
 def test_a_minimum_as_low_is_named_where_a_value_that_is_held_differs(honest: Solved) -> None:

@@ -223,6 +223,14 @@ def check_levels(solved: Solved) -> Iterator[Finding]:
     yield said(Kind.level_not_minimised, "Algorithm 2", names, **numbers)
 
 
+def check_refusals(solved: Solved) -> Iterator[Finding]:
+    """That the model fails in a part of the box, in its own words."""
+    search = solved.fit.outcome.search
+    if search is not None and search.refused:
+        names = {"words": (search.refusal,)}
+        yield note(Kind.points_refused, "search", names, points=float(search.refused))
+
+
 def search_findings(outcome: Outcome) -> Iterator[Finding]:
     """That a search within the bounds found no minimum that noise would explain.
 
