@@ -207,6 +207,11 @@ COMMANDS = (
     ),
     Command("traces", "coverage of traces", smoke="1"),
     Command(
+        "tradeoff",
+        "speed against accuracy of five campaigns, and the plan's choice",
+        smoke="--only mass_spring --quick --no-fit",
+    ),
+    Command(
         "twin",
         "native twins beside the Python FMUs",
         full=(

@@ -95,13 +95,14 @@ class Look:
         return self.closer.step_s * float(np.mean(between))
 
 
-def looked_finely(samples: int) -> int:
-    """Communication steps between two samples of a closer look, an even number.
+def looked_finely(samples: int) -> tuple[int, ...]:
+    """Communication steps between two samples of closer looks, even numbers.
 
     Args:
         samples: of the trace.
     """
-    return 2 * (max(FEWEST, min(MOST, LOOKED // samples)) // 2)
+    whole = 2 * (max(FEWEST, min(MOST, LOOKED // samples)) // 2)
+    return (whole,) if whole == MOST else (whole, MOST)
 
 
 def euler_leaves(values: FloatArray, pushed: BoolArray, *, late: bool) -> tuple[float, bool]:

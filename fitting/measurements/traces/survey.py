@@ -180,13 +180,26 @@ class Survey(Generic[T]):
     ) -> StepPlan:
         """The steps with what the FMU's own leave, which half a communication step did not show.
 
+        The whole record is looked at as finely as `LOOKED` steps allow, then its beginning more
+        finely: steps of its own may be shorter than those of the first look.
+
         Args:
             points: parameter vectors (n,) that the FMU takes.
             steps: as halving found them.
             left: accuracy that is still to be had.
         """
+        count, begun = steps.per_sample, steps
+        for finely in looked_finely(count * self.trace.run_samples):
+            steps = self._looked_at(points, steps, left, count * finely)
+            if steps.stands_s or steps.per_sample != begun.per_sample:
+                break
+        return steps
+
+    def _looked_at(
+        self, points: Sequence[FloatArray], steps: StepPlan, left: float, fine: int
+    ) -> StepPlan:
+        """The same by one look with so many steps between two samples."""
         trace, batch = self.trace, self.batch
-        fine = steps.per_sample * looked_finely(steps.per_sample * trace.run_samples)
         look = trace.look(fine)
         if look is None:
             return steps
