@@ -27,7 +27,7 @@ from fitting.fit.outputs import answered_apart
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, Response, Values
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import NoScale
+from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
 Key = TypeVar("Key")
 Kept = TypeVar("Kept")
@@ -332,8 +332,16 @@ class Evaluator:
 
         Args:
             x: search vector (n,).
+
+        Raises:
+            NoAnswer: the model does not answer any more.
         """
-        return _remembered(self._points, x.tobytes(), lambda: self.trials([x])[0])
+        try:
+            return self.point(x)
+        except NoAnswer:
+            raise
+        except (FmuFailure, NoScale):
+            return _away(self.objective, x)
 
     def trials(self, xs: Sequence[FloatArray]) -> list[Point]:
         """Points at several search vectors; where the model fails every residual is LARGEST.
