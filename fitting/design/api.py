@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,10 +22,10 @@ from fitting.design.limits import (
     read_design_table,
     refuse_wider,
 )
-from fitting.design.proposal import proposed
+from fitting.design.proposal import proposed, write_report
 from fitting.design.result import Design, Proposal, Ways, design_csv, write_design
-from fitting.design.ways import TOGETHER, Choice, alone, in_order, together, way_of
-from fitting.design.weighing import DesignGoal, weigh
+from fitting.design.ways import TOGETHER, alone, in_order, together, way_of
+from fitting.design.weighing import Goal, Start, Weighed, weigh
 from fitting.extension.problem import (
     Result,
     Valued,
@@ -37,7 +36,6 @@ from fitting.extension.problem import (
 )
 from fitting.extension.records import BoundCampaign, bind
 from fitting.extension.report import phrases
-from fitting.text.arguments import checked
 from fitting.text.choices import CRITERIA
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all, write_whole
@@ -46,41 +44,6 @@ from fitting.text.results_folder import remove_earlier, results_folder
 __all__ = ["Goal", "Limits", "NextMeasurements", "WaysToMeasure", "design", "limits", "ways"]
 
 CAMPAIGN_FOLDER, TABLE_NAME = "campaign", "design.csv"
-
-
-@checked
-@dataclass(frozen=True)
-class Goal:
-    """What the next measurements are for.
-
-    Args:
-        target: A parameter or derived output; empty: as the campaign states, else its first output.
-        criterion: "target": error of the target; "D" or "A" of all parameters; empty: as the
-            campaign states, else the target's.
-        number: Measurements at most, 1 to 50; None: as the limits state.
-        seed: Of points of equal fit, at least 0.
-        time_s: What the measurements may take of the laboratory together, s; None: as the limits
-            state.
-
-    Raises:
-        BadInput: a criterion, number, seed or time that there is not.
-    """
-
-    target: str = ""
-    criterion: str = ""
-    number: int | None = None
-    seed: int = 1
-    time_s: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.criterion and self.criterion not in CRITERIA:
-            raise BadInput(
-                f"goal: criterion {self.criterion!r}, wanted one of {', '.join(CRITERIA)}"
-            )
-        if self.seed < 0:
-            raise BadInput(f"goal: seed {self.seed}, wanted at least 0")
-        if self.time_s is not None and not 0.0 < self.time_s < math.inf:
-            raise BadInput(f"goal: time_s {self.time_s}, wanted a positive number of seconds")
 
 
 @dataclass(frozen=True)
@@ -130,9 +93,8 @@ class NextMeasurements:
             if report:
                 # matplotlib takes a second to import: only where something is drawn
                 figure = importlib.import_module("fitting.design.figure")
-                page = importlib.import_module("fitting.design.report")
                 figures = figure.save_figures(design, folder / "figures")
-                written.append(page.write_report(design, figures, folder))
+                written.append(write_report(design, figures, folder))
             remove_earlier(folder, FILES)
         return written
 
@@ -229,13 +191,18 @@ def design(
             fit of another problem or of other data.
         FmuFailure: the FMU failed.
     """
-    wanted = Goal(goal) if isinstance(goal, str) else goal
-    bound, *also = _bound(problem)
-    instrument, target = _request(problem, bound, wanted, limits, at)
-    [weighed] = weigh(bound, problem.fmu.workers, [instrument], target, progress, also)
-    unit, provenance = _unit(problem, bound, target.target), _provenance(problem, wanted, "design")
-    chosen = weighed.chosen_by(target.criterion)
-    made = proposed(bound, weighed, chosen, target, unit, provenance)
+    bounds = _bound(problem)
+    instrument, wanted = _request(problem, bounds[0], goal, limits)
+    start = _start(bounds[0], at)
+    [weighed] = weigh(bounds, problem.fmu.workers, [instrument], wanted, start, progress)
+    made = proposed(
+        bounds[0],
+        weighed.choosing(wanted.criterion),
+        wanted,
+        _unit(problem, bounds[0], wanted.target),
+        _provenance(problem, wanted, "design"),
+        is_given=start is not None,
+    )
     return NextMeasurements(made, problem, instrument)
 
 
@@ -264,43 +231,50 @@ def ways(
         BadInput: see `design`; fewer than two kinds, no time or several of them.
         FmuFailure: the FMU failed.
     """
-    wanted = Goal(goal) if isinstance(goal, str) else goal
-    bound, *also = _bound(problem)
+    bounds = _bound(problem)
     if len(limits) < 2 or TOGETHER in limits:
         raise BadInput(
             f"ways: found {', '.join(limits) or 'none'}, wanted two kinds of measurement at least, "
             f"none of them called '{TOGETHER}'"
         )
-    kinds = {name: _request(problem, bound, wanted, one, at) for name, one in limits.items()}
-    time_s, target = _same(kinds)
+    # the time, the target and the criterion are the same for all kinds
+    kinds = {name: _request(problem, bounds[0], goal, one) for name, one in limits.items()}
+    (first, wanted), *_ = kinds.values()
+    for name, (_, other) in kinds.items():
+        if (other.target, other.criterion) != (wanted.target, wanted.criterion):
+            raise BadInput(
+                f"ways: {name} is for {other.target} by {other.criterion}, another for "
+                f"{wanted.target} by {wanted.criterion}; wanted one target and criterion"
+            )
+    instruments, time_s = {name: each for name, (each, _) in kinds.items()}, first.time_s
+    if time_s is None or any(each.time_s != time_s for each in instruments.values()):
+        raise BadInput(
+            "ways: wanted the time that all kinds have, --time or one [design] time for all"
+        )
+    start, criterion = _start(bounds[0], at), wanted.criterion
     progress("ways")
-    every = [instrument for instrument, _ in kinds.values()]
-    weighed = weigh(bound, problem.fmu.workers, every, target, progress, also)
+    every = list(instruments.values())
+    weighed = weigh(bounds, problem.fmu.workers, every, wanted, start, progress)
     progress("choosing")
-    criterion = target.criterion
     single = {name: alone(name, w, criterion) for name, w in zip(kinds, weighed, strict=True)}
-    chosen: dict[str, dict[str, Choice]] = {name: {name: c} for name, c in single.items()}
+    chosen = {name: {name: each} for name, each in single.items()}
     mixture = together(list(single.values()), criterion)
     if mixture is not None:
         chosen[TOGETHER] = dict(zip(kinds, mixture, strict=True))
-    unit, provenance = _unit(problem, bound, target.target), _provenance(problem, wanted, "ways")
-    by_name = {
-        name: {
-            kind: NextMeasurements(
-                proposed(bound, choice.weighed, choice.chosen, target, unit, provenance),
-                problem,
-                choice.weighed.limits,
-            )
-            for kind, choice in choices.items()
-            if choice.chosen
-        }
-        for name, choices in chosen.items()
-    }
-    instruments = dict(zip(kinds, every, strict=True))
+    unit, provenance = (
+        _unit(problem, bounds[0], wanted.target),
+        _provenance(problem, wanted, "ways"),
+    )
+
+    def measurements(each: Weighed) -> NextMeasurements:
+        is_given = start is not None
+        made = proposed(bounds[0], each, wanted, unit, provenance, is_given=is_given)
+        return NextMeasurements(made, problem, each.limits)
+
     table = Ways(
-        title=bound.title,
-        synthetic=bound.synthetic,
-        target=target.target,
+        title=bounds[0].title,
+        synthetic=bounds[0].synthetic,
+        target=wanted.target,
         unit=unit,
         criterion=criterion,
         time_s=time_s,
@@ -309,6 +283,10 @@ def ways(
         sentences=phrases("design/text", "times", instruments, mixture is not None),
         provenance=provenance,
     )
+    by_name = {
+        name: {kind: measurements(each) for kind, each in choices.items() if each.chosen}
+        for name, choices in chosen.items()
+    }
     return WaysToMeasure(table, by_name)
 
 
@@ -342,17 +320,10 @@ def _limits(
 
 
 def _request(
-    problem: Problem,
-    bound: BoundCampaign,
-    goal: Goal,
-    given: Limits | str | Path | None,
-    at: Valued | Result | str | Path | None,
-) -> tuple[Limits, DesignGoal]:
-    """Limits, target and criterion: as requested, else as the campaign has them.
-
-    Raises:
-        BadInput: limits that mean nothing, a fit of another campaign or of other data.
-    """
+    problem: Problem, bound: BoundCampaign, goal: Goal | str, given: Limits | str | Path | None
+) -> tuple[Limits, Goal]:
+    """Limits and goal: as requested, else as the campaign has them; BadInput: they mean nothing."""
+    goal = Goal(goal) if isinstance(goal, str) else goal
     instrument, table = _limits(problem, bound, given)
     if goal.time_s is not None:
         number = instrument.number if table.keys.number is not None else MOST_NUMBER
@@ -360,13 +331,19 @@ def _request(
     if goal.number is not None:
         instrument = replace(instrument, number=goal.number)
     names = [*bound.derived, *(parameter.name for parameter in bound.parameters)]
-    target = DesignGoal(
-        target=goal.target or table.keys.target or names[0],
-        criterion=goal.criterion or table.keys.criterion or CRITERIA[0],
-        seed=goal.seed,
-    )
+    target = goal.target or table.keys.target or names[0]
+    criterion = goal.criterion or table.keys.criterion or CRITERIA[0]
+    return instrument, replace(goal, target=target, criterion=criterion)
+
+
+def _start(bound: BoundCampaign, at: Valued | Result | str | Path | None) -> Start | None:
+    """Where a fit ended: its alternative and its parameters; None without a fit.
+
+    Raises:
+        BadInput: a fit of another campaign or of other data.
+    """
     if at is None:
-        return instrument, target
+        return None
     where = str(at) if isinstance(at, str | Path) else "at"
     fitted = read_result(Path(at)) if isinstance(at, str | Path) else at
     result = fitted.result if isinstance(fitted, Valued) else fitted
@@ -380,32 +357,11 @@ def _request(
         start.append(values.get(parameter.name, parameter.reference))
     for alternative in bound.alternatives:
         if dict(alternative) == dict(result.alternative):
-            return instrument, replace(target, start=(alternative, np.array(start)))
+            return alternative, np.array(start)
     raise BadInput(
         f"{where}: alternative {dict(result.alternative)} is none of those of {bound.path}; wanted "
         "a result of that campaign"
     )
-
-
-def _same(kinds: Mapping[str, tuple[Limits, DesignGoal]]) -> tuple[float, DesignGoal]:
-    """The time and the goal, which are the same for all kinds.
-
-    Raises:
-        BadInput: they are not.
-    """
-    (instrument, goal), *_ = kinds.values()
-    for name, (_, other) in kinds.items():
-        if (other.target, other.criterion) != (goal.target, goal.criterion):
-            raise BadInput(
-                f"ways: {name} is for {other.target} by {other.criterion}, another for "
-                f"{goal.target} by {goal.criterion}; wanted one target and criterion"
-            )
-    time_s = instrument.time_s
-    if time_s is None or any(other.time_s != time_s for other, _ in kinds.values()):
-        raise BadInput(
-            "ways: wanted the time that all kinds have, --time or one [design] time for all"
-        )
-    return time_s, goal
 
 
 def _unit(problem: Problem, bound: BoundCampaign, target: str) -> str:

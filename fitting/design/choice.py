@@ -14,6 +14,7 @@ search would trust gains from before; and exchanges follow the greedy choice.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -153,85 +154,73 @@ def choose(
 
     Source: V. Fedorov, Theory of Optimal Experiments (1972), on a finite set with repetition.
     """
-    search = _Search(problem, number, time_s)
-    ends = [
-        search.exchanged(search.filled([], rule, per_second=per_second), criterion)
-        for rule in dict.fromkeys((criterion, "D"))
-        for per_second in ((False,) if time_s is None else (False, True))
-    ]
+    ends = []
+    for rule in dict.fromkeys((criterion, "D")):
+        for per_second in (False,) if time_s is None else (False, True):
+            filled = _filled(problem, [], rule, number, time_s, per_second)
+            ends.append(_exchanged(problem, filled, criterion, number, time_s))
     best = ends[int(np.argmin([problem.loss(end, criterion) for end in ends]))]
-    if time_s is None:
-        best = search.cheaper(best, criterion)
+    # without a time cheaper candidates in place of the chosen, as far as the criterion pays
+    bound, costs = problem.loss(best, criterion) + AS_GOOD, problem.costs
+    for place in range(len(best)) if time_s is None else ():
+        each = problem.losses_with(best[:place] + best[place + 1 :], criterion)
+        allowed = np.flatnonzero((each <= bound) & (costs < costs[best[place]]))
+        if allowed.size:
+            cheapest = allowed[costs[allowed] <= np.min(costs[allowed])]
+            best[place] = int(cheapest[np.argmin(each[cheapest])])
     return ordered(problem, best, criterion)
 
 
-@dataclass(frozen=True)
-class _Search:
-    """Greedy choice and exchanges of at most `number` candidates, perhaps within a time."""
+def _filled(
+    problem: DesignProblem,
+    chosen: Sequence[int],
+    criterion: str,
+    number: int,
+    time_s: float | None,
+    per_second: bool,
+) -> list[int]:
+    """The chosen with more, up to their number or time, the best or the best per second first."""
+    filled = list(chosen)
+    value = problem.loss(filled, criterion)
+    seconds = np.where(np.isfinite(problem.costs) & per_second, problem.costs, 1.0)
+    while len(filled) < number:
+        each = problem.losses_with(filled, criterion, time_s)
+        best = int(np.argmin((each - value) / seconds))
+        # where their number is asked for, one that adds nothing is better than none
+        if not each[best] < (np.inf if time_s is None else value - LEAST_GAIN):
+            break
+        filled, value = [*filled, best], float(each[best])
+    return filled
 
-    problem: DesignProblem
-    number: int
-    time_s: float | None
 
-    def filled(
-        self, chosen: Sequence[int], criterion: str, *, per_second: bool = False
-    ) -> list[int]:
-        """The chosen with more, the best or the best per second first."""
-        filled = list(chosen)
-        value = self.problem.loss(filled, criterion)
-        seconds = np.where(np.isfinite(self.problem.costs), self.problem.costs, 1.0)
-        while len(filled) < self.number:
-            each = self.problem.losses_with(filled, criterion, self.time_s)
-            best = int(np.argmin((each - value) / (seconds if per_second else 1.0)))
-            # where their number is asked for, one that adds nothing is better than none
-            if not each[best] < (np.inf if self.time_s is None else value - LEAST_GAIN):
-                break
-            filled, value = [*filled, best], float(each[best])
-        return filled
-
-    def exchanged(self, chosen: Sequence[int], criterion: str) -> list[int]:
-        """Every chosen one in turn for the best that is allowed, then, in a time, for several."""
-        current = list(chosen)
-        value = self.problem.loss(current, criterion)
-        for _ in range(ROUNDS):
-            before = value
-            for place in range(len(current)):
-                rest = current[:place] + current[place + 1 :]
-                each = self.problem.losses_with(rest, criterion, self.time_s)
-                if float(np.min(each)) < value - LEAST_GAIN:
-                    current[place], value = int(np.argmin(each)), float(np.min(each))
-            if self.time_s is not None:
-                current = self._one_for_several(current, criterion)
-                value = self.problem.loss(current, criterion)
-            if value > before - LEAST_GAIN:
-                break
-        return current
-
-    def _one_for_several(self, chosen: Sequence[int], criterion: str) -> list[int]:
-        """The rest of the time filled, once as it is and once with each of the chosen left out."""
-        best, value = list(chosen), self.problem.loss(chosen, criterion)
-        for excluded in [None, *dict.fromkeys(chosen)]:
-            rest = list(chosen)
-            if excluded is not None:
-                rest.remove(excluded)
-            for per_second in (False, True):
-                filled = self.filled(rest, criterion, per_second=per_second)
-                loss = self.problem.loss(filled, criterion)
-                if loss < value - LEAST_GAIN:
-                    best, value = filled, loss
-        return best
-
-    def cheaper(self, chosen: Sequence[int], criterion: str) -> list[int]:
-        """Cheaper candidates in place of the chosen, as far as 2 % of the criterion pay."""
-        current, costs = list(chosen), self.problem.costs
-        bound = self.problem.loss(current, criterion) + AS_GOOD
+def _exchanged(
+    problem: DesignProblem,
+    chosen: Sequence[int],
+    criterion: str,
+    number: int,
+    time_s: float | None,
+) -> list[int]:
+    """Every chosen one in turn for the best that is allowed, then, in a time, for several."""
+    current, value = list(chosen), problem.loss(chosen, criterion)
+    for _ in range(ROUNDS):
+        before = value
         for place in range(len(current)):
-            each = self.problem.losses_with(current[:place] + current[place + 1 :], criterion)
-            allowed = np.flatnonzero((each <= bound) & (costs < costs[current[place]]))
-            if allowed.size:
-                cheapest = allowed[costs[allowed] <= np.min(costs[allowed])]
-                current[place] = int(cheapest[np.argmin(each[cheapest])])
-        return current
+            each = problem.losses_with(current[:place] + current[place + 1 :], criterion, time_s)
+            if float(np.min(each)) < value - LEAST_GAIN:
+                current[place], value = int(np.argmin(each)), float(np.min(each))
+        # the rest of the time filled, once as it is and once with each of the chosen left out
+        rests = [] if time_s is None else [current]
+        for excluded in dict.fromkeys(current) if rests else ():
+            rests.append(list(current))
+            rests[-1].remove(excluded)
+        for rest, per_second in itertools.product(rests, (False, True)):
+            filled = _filled(problem, rest, criterion, number, time_s, per_second)
+            loss = problem.loss(filled, criterion)
+            if loss < value - LEAST_GAIN:
+                current, value = filled, loss
+        if value > before - LEAST_GAIN:
+            break
+    return current
 
 
 def ordered(problem: DesignProblem, chosen: Sequence[int], criterion: str) -> list[int]:

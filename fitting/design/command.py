@@ -105,7 +105,7 @@ def _design(
     args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
 ) -> list[str]:
     """Propose and write; what is printed."""
-    from fitting.design.report import screen_lines
+    from fitting.design.proposal import screen_lines
 
     limits = args.candidates[0] if args.candidates else None
     made = ff.design(problem, goal, limits=limits, at=_at(args), progress=tell)
@@ -120,7 +120,7 @@ def _ways(
     args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
 ) -> list[str]:
     """Compare kinds of measurements and write each; what is printed."""
-    from fitting.design.report import ways_lines
+    from fitting.design.proposal import ways_lines
 
     limits = {path.stem: path for path in args.candidates}
     if len(limits) < len(args.candidates):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,12 +76,28 @@ class Continued:
         trace: TimeRecord = self.records[self.labels.index(label)]
         return trace
 
+    def require_controls(self, names: Iterable[str], where: str) -> None:
+        """Refuse controls that the sweeps have no column for.
+
+        Args:
+            names: of controls.
+            where: what errors name.
+
+        Raises:
+            BadInput: an unknown control.
+        """
+        for name in names:
+            if name not in self.last:
+                raise BadInput(
+                    f"{where}: '{name}' is no control of [{self.table}]; wanted some of "
+                    f"{', '.join(self.last)}"
+                )
+
     def sigmas(self) -> FloatArray:
         """Noise of all points of sweeps, of each quadrature of complex ones; 0: unknown."""
         if isinstance(self.kind, ControlSweep):
             return np.concatenate([s.sigmas for s in self.records])
-        each = [np.full(c.y.size, c.sigma or c.scatter()) for c in self.records]
-        return np.concatenate(each)
+        return np.concatenate([np.full(c.y.size, c.sigma or c.scatter()) for c in self.records])
 
 
 def continued(bound: BoundCampaign, tables: Mapping[str, type[Together[Any]]]) -> Continued | None:

@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -83,6 +82,14 @@ def combinations(settings: Mapping[str, Sequence[Scalar]]) -> list[dict[str, Sca
     return [dict(zip(settings, combination, strict=True)) for combination in values]
 
 
+class BadLimit(BadInput):
+    """A limit that no instrument can have: its field, and what was found and is wanted."""
+
+    def __init__(self, name: str, words: str) -> None:
+        super().__init__(f"limits: {name}: {words}")
+        self.key, self.words = re.sub("_(hz|v|s)$", "", name), words
+
+
 @dataclass(frozen=True, kw_only=True)
 class SweepLimits:
     """Sweeps of a control sweep as candidates, instead of tones, each at values of its controls.
@@ -103,13 +110,13 @@ class SweepLimits:
 
     def __post_init__(self) -> None:
         if not 0.0 < self.span_hz < math.inf:
-            raise BadInput(f"limits: sweeps: span_hz {self.span_hz!r}, wanted a positive number")
+            raise BadLimit("sweeps", f"span_hz {self.span_hz!r}, wanted a positive number")
         if self.points < LEAST_POINTS:
-            raise BadInput(f"limits: sweeps: {self.points} points, wanted {LEAST_POINTS} at least")
+            raise BadLimit("sweeps", f"{self.points} points, wanted {LEAST_POINTS} at least")
         if len(combinations(self.controls)) < 2:
-            raise BadInput(
-                "limits: sweeps: one place of the controls, wanted two at least: a control sweep "
-                "has several"
+            raise BadLimit(
+                "sweeps",
+                "one place of the controls, wanted two at least: a control sweep has several",
             )
 
 
@@ -135,15 +142,15 @@ class TraceLimits:
 
     def __post_init__(self) -> None:
         if not self.of or set(self.spacings_s) != set(self.of):
-            raise BadInput("limits: traces: wanted one trace at least, and spacings of each")
+            raise BadLimit("traces", "wanted one trace at least, and spacings of each")
         for values in (self.lengths_s, *self.spacings_s.values()):
             if not values or not all(0.0 < v < math.inf for v in values):
-                raise BadInput(
-                    f"limits: traces: found times {values!r}, wanted positive ones, one at least"
+                raise BadLimit(
+                    "traces", f"found times {values!r}, wanted positive ones, one at least"
                 )
         if not LEAST_SAMPLES <= self.samples <= MOST_SAMPLES:
-            raise BadInput(
-                f"limits: traces: {self.samples} samples, wanted {LEAST_SAMPLES} to {MOST_SAMPLES}"
+            raise BadLimit(
+                "traces", f"{self.samples} samples, wanted {LEAST_SAMPLES} to {MOST_SAMPLES}"
             )
 
 
@@ -212,33 +219,33 @@ class Limits:
     change_s: float = 0.0
 
     def __post_init__(self) -> None:
+        def check(name: str, good: bool, wanted: str) -> None:
+            value = getattr(self, name)
+            if not good or (isinstance(value, float) and not math.isfinite(value)):
+                raise BadLimit(name, f"found {value!r}, wanted {wanted}")
+
         above = ("frequency_step_hz", "least_spacing_hz", "farthest_hz", "largest_v")
         for name in (*above, "spectrum_s", "point_s"):
-            self._check(name, getattr(self, name) > 0.0, "a positive number")
-        self._check("time_s", self.time_s is None or self.time_s > 0.0, "a positive number")
+            check(name, getattr(self, name) > 0.0, "a positive number")
+        check("time_s", self.time_s is None or self.time_s > 0.0, "a positive number")
         for name in ("noise_floor_v", "relative_noise", "change_s"):
-            self._check(name, getattr(self, name) >= 0.0, "zero or more")
+            check(name, getattr(self, name) >= 0.0, "zero or more")
         for name in ("centres_hz", "levels", "repeats"):
             values = getattr(self, name)
             good = len(values) > 0 and all(0.0 < v < math.inf for v in values)
-            self._check(name, good, "positive numbers, one at least")
-        self._check("outputs", len(self.outputs) > 0, "one name at least")
-        self._check("repeats", all(v == int(v) for v in self.repeats), "whole numbers")
-        self._check("tones", self.tones in (1, 2), "1 or 2")
-        self._check("number", 1 <= self.number <= MOST_NUMBER, f"1 to {MOST_NUMBER}")
+            check(name, good, "positive numbers, one at least")
+        check("outputs", len(self.outputs) > 0, "one name at least")
+        check("repeats", all(v == int(v) for v in self.repeats), "whole numbers")
+        check("tones", self.tones in (1, 2), "1 or 2")
+        check("number", 1 <= self.number <= MOST_NUMBER, f"1 to {MOST_NUMBER}")
         if self.sweeps is not None:
-            self._check("number", self.number >= 2, f"2 to {MOST_NUMBER} sweeps")
-            self._check("centres_hz", len(self.centres_hz) == 1, "one, the middle of the sweeps")
+            check("number", self.number >= 2, f"2 to {MOST_NUMBER} sweeps")
+            check("centres_hz", len(self.centres_hz) == 1, "one, the middle of the sweeps")
             noisy = max(self.noise_floor_v, self.relative_noise) > 0.0
-            self._check("noise_floor_v", noisy, "noise of the sweeps' points")
-            self._check("sweeps", self.traces is None, "sweeps or traces, not both")
+            check("noise_floor_v", noisy, "noise of the sweeps' points")
+            check("sweeps", self.traces is None, "sweeps or traces, not both")
         for name in ("levels", "repeats"):
             object.__setattr__(self, name, tuple(sorted(set(getattr(self, name)))))
-
-    def _check(self, name: str, good: bool, wanted: str) -> None:
-        value = getattr(self, name)
-        if not good or (isinstance(value, float) and not math.isfinite(value)):
-            raise BadInput(f"limits: {name}: found {value!r}, wanted {wanted}")
 
     def sigmas(self, amplitudes_v: FloatArray, repeats: int) -> FloatArray:
         """Standard deviations of peaks of any shape, in the detector's unit.
@@ -307,14 +314,6 @@ class DesignTable:
         return replace(
             self, keys=replace(self.keys, **{name: getattr(other.keys, name) for name in keys})
         )
-
-    @property
-    def number(self) -> int:
-        """Measurements at most; where a time is given that counts, and their number hardly."""
-        number = self.keys.number or (Limits.number if self.keys.time is None else MOST_NUMBER)
-        if number > MOST_NUMBER:
-            raise BadInput(f"{self.where('number')}: found {number}, wanted at most {MOST_NUMBER}")
-        return number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -407,23 +406,25 @@ def check_names(
         binder.real(name, "limits: outputs", READABLE, "observed")
     for name, values in limits.settings.items():
         for value in values:
-            written = Written(value, None, f"limits: settings '{name}'")
-            binder.setting(name, _with_unit(written, controls.get(name, "")))
+            _setting(binder, name, Written(value, None, f"limits: settings '{name}'"))
     for name in limits.setting_sigmas:
         binder.real(name, "limits: setting_sigmas", SETTABLE, "set")
 
 
-def _binder(variables: Mapping[str, VariableLike], controls: Mapping[str, str]) -> Binder:
+def _binder(
+    variables: Mapping[str, VariableLike], units: Mapping[str, str], named: Iterable[str] = ()
+) -> Binder:
     """Of the FMU's variables, and of control quantities in their units."""
-    binder = Binder(variables, controls)
-    binder.control_units.update({name: unit for name, unit in controls.items() if unit})
+    binder = Binder(variables, {*units, *named})
+    binder.control_units.update({name: unit for name, unit in units.items() if unit})
     return binder
 
 
-def _with_unit(written: Written, unit: str) -> Written:
-    """A plain number in the unit of a control quantity; what has a unit stays."""
+def _setting(binder: Binder, name: str, written: Written) -> Scalar:
+    """A value to try; a plain number is in the unit of the control quantity."""
     plain = written.unit is None and not isinstance(written.value, str)
-    return replace(written, unit=unit or None) if plain else written
+    unit = binder.control_units.get(name) if plain else written.unit
+    return binder.setting(name, replace(written, unit=unit))
 
 
 # --- from the table to limits -------------------------------------------------------------------
@@ -455,19 +456,28 @@ def limits_of(
     keys, measured = table.keys, set(bound.measurements)
     alone = not (bound.experiments or bound.sweep or table.written & {*OF_TONES, "centres"})
     by_itself = alone and keys.sweeps is None and keys.traces is None
-    if keys.sweeps is not None or (by_itself and continued(bound, SWEEPS)):
-        limits = _of_sweeps(bound, variables, table)
-    elif keys.traces is not None or (by_itself and measured and measured <= set(TRACES)):
-        limits = _of_traces(bound, table)
-    else:
-        limits = _of_tones(bound, variables, table, read)
-    times: dict[str, Any] = {
-        "time_s": keys.time,
-        "spectrum_s": keys.spectrum_time,
-        "point_s": keys.point_time,
-        "change_s": keys.change_time,
-    }
-    return replace(limits, **{name: t for name, t in times.items() if t is not None})
+    try:
+        if keys.sweeps is not None or (by_itself and continued(bound, SWEEPS)):
+            limits = _of_sweeps(bound, variables, table)
+        elif keys.traces is not None or (by_itself and measured and measured <= set(TRACES)):
+            limits = _of_traces(bound, table)
+        else:
+            limits = _of_tones(bound, variables, table, read)
+        given: dict[str, Any] = {
+            # where a time is given that counts, and the number hardly
+            "number": keys.number or (None if keys.time is None else MOST_NUMBER),
+            "time_s": keys.time,
+            "spectrum_s": keys.spectrum_time,
+            "point_s": keys.point_time,
+            "change_s": keys.change_time,
+        }
+        return replace(limits, **{name: v for name, v in given.items() if v is not None})
+    except BadLimit as error:
+        raise BadInput(f"{table.where(error.key)}: {error.words}") from error
+
+
+def _amplitude(written: Written | None, unit: str, default: float) -> float:
+    return default if written is None else positive_in(written, unit)
 
 
 def _of_tones(
@@ -482,15 +492,12 @@ def _of_tones(
             f"{bound.path}: has no [drive], wanted one: tones are proposed where [design] asks for "
             "neither sweeps nor traces"
         )
-    levels = _ascending(keys.levels or (LEVELS if drive.kind == "tones" else (1.0,)))
-    if drive.kind != "tones" and levels != (1.0,):
+    levels = keys.levels or (LEVELS if drive.kind == "tones" else (1.0,))
+    if drive.kind != "tones" and set(levels) != {1.0}:
         raise BadInput(f"{table.where('levels')}: has no meaning with a drive through the input")
-    repeats = _ascending(keys.repeats or REPEATS)
+    repeats = keys.repeats or REPEATS
     if any(v != int(v) for v in repeats):
         raise BadInput(f"{table.where('repeats')}: found {repeats!r}, wanted whole numbers")
-    relative = keys.relative_noise
-    if relative is not None and relative < 0.0:
-        raise BadInput(f"{table.where('relative_noise')}: found {relative}, wanted zero or more")
     # tones at once: the campaign's, one where it has a sweep only
     driven = len(drive.frequency_names)
     tones = keys.tones or (driven if bound.experiments else 1)
@@ -501,9 +508,20 @@ def _of_tones(
         )
     centres = _centres(bound, variables, table)
     step, spacing, farthest = _own_grid(bound, centres)
-    controls, unit = bound.setup.laws.controls, bound.amplitude_unit
-    binder = _binder(variables, controls)
+    # noise that is declared, else the peaks' median, else the scatter about the sweep's maximum
+    noise, unit = bound.noise.absolute_v, bound.amplitude_unit
+    sigmas = np.concatenate([np.zeros(0), *(e.sigmas_v for e in bound.experiments)])
+    known = sigmas[np.isfinite(sigmas) & (sigmas > 0.0)]
+    if noise == 0.0 and known.size:
+        noise = float(np.median(known))
+    elif noise == 0.0 and sweep is not None:
+        top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
+        noise = top.scatter * top.value_v
     peaks = [e.peaks_v for e in bound.experiments] + ([] if sweep is None else [sweep.amplitude_v])
+    largest = HEADROOM * float(np.max(np.concatenate(peaks)))
+    relative = bound.noise.relative or RELATIVE_NOISE
+    has_phases = any(e.phases_rad is not None for e in bound.experiments)
+    binder = _binder(variables, bound.setup.laws.controls)
     return Limits(
         outputs=_outputs(bound, variables, table),
         centres_hz=centres,
@@ -511,43 +529,29 @@ def _of_tones(
         least_spacing_hz=keys.least_spacing or spacing,
         farthest_hz=keys.farthest or farthest,
         both_sides=keys.both_sides,
-        levels=levels,
-        repeats=tuple(int(v) for v in repeats),
-        noise_floor_v=_amplitude(keys.noise_floor, unit, _own_noise(bound)),
-        relative_noise=bound.noise.relative or RELATIVE_NOISE if relative is None else relative,
-        largest_v=_amplitude(keys.largest, unit, HEADROOM * float(np.max(np.concatenate(peaks)))),
+        levels=tuple(map(float, levels)),
+        repeats=tuple(map(int, repeats)),
+        noise_floor_v=_amplitude(keys.noise_floor, unit, noise),
+        relative_noise=relative if keys.relative_noise is None else keys.relative_noise,
+        largest_v=_amplitude(keys.largest, unit, largest),
         settings={
-            name: tuple(binder.setting(name, _with_unit(w, controls.get(name, ""))) for w in values)
+            name: tuple(_setting(binder, name, written) for written in values)
             for name, values in keys.settings.items()
         },
         setting_sigmas=_setting_sigmas(bound, variables, table),
-        number=table.number,
         tones=tones,
         lines=() if all(line.order == 1 for line in read) else read,
-        phases=any(e.phases_rad is not None for e in bound.experiments)
-        if keys.phases is None
-        else keys.phases,
+        phases=has_phases if keys.phases is None else keys.phases,
     )
-
-
-def _ascending(values: Iterable[float]) -> tuple[float, ...]:
-    return tuple(sorted({float(v) for v in values}))
-
-
-def _amplitude(written: Written | None, unit: str, default: float) -> float:
-    return default if written is None else positive_in(written, unit)
 
 
 def _outputs(
     bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
 ) -> tuple[str, ...]:
-    names = table.keys.outputs
-    if names is not None:
-        if not names:
-            raise BadInput(f"{table.where('outputs')}: is empty, wanted at least one name")
-        for name in names:
+    if table.keys.outputs is not None:
+        for name in table.keys.outputs:
             Binder(variables).real(name, table.where("outputs"), READABLE, "observed")
-        return names
+        return table.keys.outputs
     observed = bound.setup.output
 
     def shape(name: str) -> str:
@@ -594,41 +598,23 @@ def _own_grid(bound: BoundCampaign, centres: tuple[float, ...]) -> tuple[float, 
     tones = sorted({round(f) for e in bound.experiments for f in e.tones_hz})
     steps = [b - a for a, b in pairwise(tones)]
     if not steps:  # a tenth of a line width, down to one digit: a number that a dial shows
-        tenth = 0.1 * _width(bound)
-        place = 10.0 ** math.floor(math.log10(tenth))
-        step = math.floor(tenth / place) * place
+        width, sweep = bound.setup.line_width_hz, bound.sweep
+        if width is None and sweep is not None:
+            width = half_power_width(sweep.frequency_hz, sweep.amplitude_v)
+        if width is None:
+            raise BadInput(
+                f"{bound.path}: [design]: wanted frequency_step, least_spacing and farthest: "
+                "neither drive frequencies nor a sweep determine them"
+            )
+        place = 10.0 ** math.floor(math.log10(0.1 * width))
+        step = math.floor(0.1 * width / place) * place
         return step, 2.0 * step, 15.0 * step
     spacings = [b - a for e in bound.experiments for a, b in pairwise(sorted(e.tones_hz))]
     farthest = max(0.5 * (max(e.tones_hz) - min(e.tones_hz)) for e in bound.experiments)
     if not spacings:  # single tones: how far they are from the nearest resonance
         farthest = max(min(abs(f - c) for c in centres) for f in tones)
-    step = max(float(reduce(math.gcd, steps)), farthest / 50.0)
+    step = max(float(math.gcd(*steps)), farthest / 50.0)
     return step, min(spacings, default=step), max(farthest, 2.0 * step)
-
-
-def _width(bound: BoundCampaign) -> float:
-    if bound.setup.line_width_hz is not None:
-        return bound.setup.line_width_hz
-    if bound.sweep is not None:
-        return half_power_width(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-    raise BadInput(
-        f"{bound.path}: [design]: wanted frequency_step, least_spacing and farthest: neither drive "
-        "frequencies nor a sweep determine them"
-    )
-
-
-def _own_noise(bound: BoundCampaign) -> float:
-    """Noise that is declared, else the peaks' median; the detector's unit; zero if unknown."""
-    if bound.noise.absolute_v > 0.0:
-        return bound.noise.absolute_v
-    sigmas = np.concatenate([e.sigmas_v for e in bound.experiments] or [np.zeros(0)])
-    known = sigmas[np.isfinite(sigmas) & (sigmas > 0.0)]
-    if known.size:
-        return float(np.median(known))
-    if bound.sweep is not None:
-        top = laboratory_maximum(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
-        return top.scatter * top.value_v
-    return 0.0
 
 
 def _setting_sigmas(
@@ -646,10 +632,9 @@ def _setting_sigmas(
     binder = Binder(variables)
     for name, written in table.keys.setting_sigma.items():
         variable = binder.real(name, written.where, SETTABLE, "set")
-        value = difference_in(written, variable.unit)
-        if value < 0.0:
+        sigmas[name] = difference_in(written, variable.unit)
+        if sigmas[name] < 0.0:
             raise BadInput(f"{written.where}: found {written.value!r}, wanted zero or more")
-        sigmas[name] = value
     return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
 
 
@@ -673,92 +658,47 @@ def _of_sweeps(
 ) -> Limits:
     like, keys = required(bound, SWEEPS), table.keys
     _refuse_keys(bound, table, "sweeps", OF_TONES)
-    levels = [s.level for s in like.records if like.table == "control_sweep"]
-    if any(np.any(level != 1.0) for level in levels):
+    if like.table == "control_sweep" and any(np.any(s.level != 1.0) for s in like.records):
         raise BadInput(
             f"{table.where('sweeps')}: the spectra of [{like.table}] have a drive of their own; "
             "wanted sweeps with one amplitude of the drive"
         )
     first = min(float(s.u_hz[0]) for s in like.records)
     last = max(float(s.u_hz[-1]) for s in like.records)
-    centre_hz = 0.5 * (first + last)
+    centres: tuple[float, ...] = (0.5 * (first + last),)
     if keys.centres is not None:
-        if len(keys.centres) != 1:
-            raise BadInput(
-                f"{table.where('centres')}: {len(keys.centres)} frequencies, wanted one, the "
-                "middle of the sweeps"
-            )
-        centre_hz = in_unit(keys.centres[0], "Hz")
-    requested = keys.sweeps or WrittenSweeps(controls={})
+        centres = tuple(in_unit(written, "Hz") for written in keys.centres)
+    requested, controls = keys.sweeps or WrittenSweeps(controls={}), {}
+    if keys.sweeps is None:  # values of the controls so far, some over the whole range of each
+        most = max(2, round(TRIED ** (1.0 / max(1, len(like.last)))))
+        for name in like.last:
+            values = sorted({s.settings[name] for s in like.records}, key=float)
+            some = np.unique(np.round(np.linspace(0, len(values) - 1, most)).astype(int))
+            controls[name] = tuple(values[k] for k in some)
+    else:
+        like.require_controls(requested.controls, table.where("sweeps"))
+        binder = _binder(variables, like.kind.units, bound.setup.laws.names)
+        for name, written in requested.controls.items():
+            controls[name] = tuple(_setting(binder, name, each) for each in written)
     sweeps = SweepLimits(
         span_hz=requested.span or last - first,
         points=requested.points or max(s.u_hz.size for s in like.records),
-        controls=_own_controls(like)
-        if keys.sweeps is None
-        else _controls(bound, variables, table, like, requested),
+        controls=controls,
     )
     step_hz = sweeps.span_hz / (sweeps.points - 1)
     largest = max(float(np.max(np.abs(s.y))) for s in like.records)
     floor, relative = _noise_of_sweeps(like, table, largest)
     return Limits(
         outputs=(like.kind.output_of(like.records[-1]),),
-        centres_hz=(centre_hz,),
+        centres_hz=centres,
         frequency_step_hz=step_hz,
         least_spacing_hz=step_hz,
         farthest_hz=0.5 * sweeps.span_hz,
         noise_floor_v=floor,
         relative_noise=relative,
         largest_v=_amplitude(keys.largest, like.unit, HEADROOM * largest),
-        number=table.number,
         sweeps=sweeps,
     )
-
-
-def _own_controls(like: Continued) -> dict[str, tuple[Scalar, ...]]:
-    """Values of the controls so far, some over the whole range of each."""
-    most = max(2, round(TRIED ** (1.0 / max(1, len(like.last)))))
-    controls = {}
-    for name in like.last:
-        values = sorted({s.settings[name] for s in like.records}, key=float)
-        some = np.unique(np.round(np.linspace(0, len(values) - 1, most)).astype(int))
-        controls[name] = tuple(values[k] for k in some)
-    return controls
-
-
-def _controls(
-    bound: BoundCampaign,
-    variables: Mapping[str, VariableLike],
-    table: DesignTable,
-    like: Continued,
-    requested: WrittenSweeps,
-) -> dict[str, tuple[Scalar, ...]]:
-    units = like.kind.units
-    binder = Binder(variables, bound.setup.laws.names)
-    binder.control_units.update({name: unit for name, unit in units.items() if unit})
-    check_controls(requested.controls, like, table.where("sweeps"))
-    return {
-        name: tuple(binder.setting(name, _with_unit(w, units.get(name, ""))) for w in values)
-        for name, values in requested.controls.items()
-    }
-
-
-def check_controls(names: Iterable[str], like: Continued, where: str) -> None:
-    """Refuse controls that the campaign's sweeps have no column for.
-
-    Args:
-        names: of controls.
-        like: sweeps that are continued.
-        where: what errors name.
-
-    Raises:
-        BadInput: an unknown control.
-    """
-    for name in names:
-        if name not in like.last:
-            raise BadInput(
-                f"{where}: '{name}' is no control of [{like.table}]; wanted some of "
-                f"{', '.join(like.last)}"
-            )
 
 
 def _noise_of_sweeps(like: Continued, table: DesignTable, largest: float) -> tuple[float, float]:
@@ -791,8 +731,7 @@ def _of_traces(bound: BoundCampaign, table: DesignTable) -> Limits:
     _refuse_keys(bound, table, "traces", NOT_OF_TRACES)
     of = tuple(dict.fromkeys(requested.of or like.labels))
     records = repeatable(like, of, table.where("traces"))
-    unit = records[0].unit
-    lengths = requested.lengths
+    unit, lengths = records[0].unit, requested.lengths
     if lengths is None:
         longest = max((record.y.size - 1) * record.spacing_s for record in records)
         # of a recorded input no more is known than was recorded
@@ -800,21 +739,18 @@ def _of_traces(bound: BoundCampaign, table: DesignTable) -> Limits:
         lengths = tuple(share * longest for share in LENGTHS if share <= 1.0 or endless)
     samples = requested.samples
     if samples is None:
-        own = round(HEADROOM * max(record.y.size for record in like.records))
-        samples = min(own, MOST_SAMPLES)
-    if not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
-        raise BadInput(
-            f"{table.where('traces')}: {samples} samples, wanted {LEAST_SAMPLES} to {MOST_SAMPLES}"
-        )
+        samples = min(round(HEADROOM * max(r.y.size for r in like.records)), MOST_SAMPLES)
     observed = max(float(np.max(np.abs(record.y))) for record in records)
     spacings = {r.label: tuple(sorted(set(requested.spacings or (r.spacing_s,)))) for r in records}
     return Limits(
         outputs=tuple(dict.fromkeys(like.kind.output_of(record) for record in records)),
-        noise_floor_v=0.0 if keys.noise_floor is None else positive_in(keys.noise_floor, unit),
+        noise_floor_v=_amplitude(keys.noise_floor, unit, 0.0),
         largest_v=_amplitude(keys.largest, unit, HEADROOM * observed),
-        number=table.number,
         tones=1,
         traces=TraceLimits(
-            of=of, lengths_s=tuple(sorted(set(lengths))), spacings_s=spacings, samples=samples
+            of=of,
+            lengths_s=tuple(sorted(set(lengths))),
+            spacings_s=spacings,
+            samples=samples,
         ),
     )

@@ -1,20 +1,28 @@
-"""Chosen candidates as a design: numbers, and what was assumed, as templates print it."""
+"""Chosen candidates as a design, and what is printed of it: numbers, assumptions, screen, page."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fitting.design.continued import SWEEPS, TRACES, required
-from fitting.design.limits import Limits
-from fitting.design.result import Design, DriveChoice, Kind, PlacePoint, Proposal
-from fitting.design.weighing import DesignGoal, Weighed, expected_of
+from fitting.design.result import Design, DriveChoice, Kind, PlacePoint, Proposal, Ways
+from fitting.design.weighing import Goal, Weighed, expected_of
 from fitting.extension.problem import canonical, to_model
 from fitting.extension.records import BoundCampaign
-from fitting.extension.report import phrases
+from fitting.extension.report import (
+    Figure,
+    Table,
+    phrase,
+    phrases,
+    printed_lines,
+    table,
+    write_page,
+)
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.text.errors import BadInput
 
@@ -25,25 +33,26 @@ HELPFUL, LITTLE = 3.0, 0.3
 def proposed(
     bound: BoundCampaign,
     weighed: Weighed,
-    chosen: Sequence[int],
-    goal: DesignGoal,
+    goal: Goal,
     unit: str,
     provenance: Mapping[str, str],
+    *,
+    is_given: bool = False,
 ) -> Design:
     """The design of chosen candidates.
 
     Args:
         bound: the campaign that is to be continued.
-        weighed: the candidates.
-        chosen: of them, in order of use.
+        weighed: the candidates, with those that are chosen.
         goal: the target and the criterion.
         unit: of the target.
         provenance: what it was made from and with.
+        is_given: whether the point that it sets out from was asked for.
 
     Raises:
         BadInput: nothing is chosen: the time allows no measurement.
     """
-    known, limits = weighed.known, weighed.limits
+    known, limits, chosen = weighed.known, weighed.limits, weighed.chosen
     if not chosen:
         shortest = weighed.takes_s([int(np.argmin(weighed.problem.costs))])
         raise BadInput(
@@ -51,23 +60,37 @@ def proposed(
             "measurement"
         )
     values = known.spread_values[np.isfinite(known.spread_values)]
-    amplitude_unit = _amplitude_unit(bound, limits)
-    facts = _facts(bound, weighed, chosen, goal, amplitude_unit)
+    facts = _facts(bound, weighed, goal, is_given=is_given)
     pairs = (line.split(" ¦ ") for line in phrases("design/text", "limits", limits, facts))
+    proposals = []
+    for rank, candidate in enumerate(chosen, 1):
+        setup, repeats = weighed.setup_of[candidate], weighed.repeats[candidate]
+        choice, peaks = weighed.setups[setup], weighed.peaks[setup]
+        sigmas = limits.sigmas(peaks, repeats) if weighed.noise is None else weighed.noise[[setup]]
+        proposals.append(
+            Proposal(
+                rank=rank,
+                repeats=repeats,
+                peaks_v=tuple(map(float, peaks)),
+                sigmas_v=tuple(map(float, sigmas)),
+                expected=weighed.expected(chosen[:rank]),
+                **{field.name: getattr(choice, field.name) for field in fields(DriveChoice)},
+            )
+        )
     return Design(
         title=bound.title,
         synthetic=bound.synthetic,
         campaign=str(bound.path),
         target=goal.target,
         unit=unit,
-        amplitude_unit=amplitude_unit,
+        amplitude_unit=facts["unit"],
         criterion=goal.criterion,
         before=weighed.expected([]),
         spread=known.spread,
         span=(float(np.min(values)), float(np.max(values))) if values.size else (np.nan, np.nan),
-        proposals=tuple(_proposal(weighed, chosen, rank) for rank in range(1, len(chosen) + 1)),
-        kinds=_kinds(weighed, chosen),
-        places=_places(bound, weighed, chosen),
+        proposals=tuple(proposals),
+        kinds=_kinds(weighed),
+        places=_places(bound, weighed),
         equal_fits=int(known.spread_values.size),
         valueless=int(known.spread_values.size - values.size),
         setups=len(weighed.setups),
@@ -78,26 +101,14 @@ def proposed(
     )
 
 
-def _amplitude_unit(bound: BoundCampaign, limits: Limits) -> str:
-    if limits.traces is not None:
-        return required(bound, TRACES).record(limits.traces.of[0]).unit
-    return bound.amplitude_unit if limits.sweeps is None else required(bound, SWEEPS).unit
-
-
-def _facts(
-    bound: BoundCampaign,
-    weighed: Weighed,
-    chosen: Sequence[int],
-    goal: DesignGoal,
-    amplitude_unit: str,
-) -> dict[str, Any]:
+def _facts(bound: BoundCampaign, weighed: Weighed, goal: Goal, *, is_given: bool) -> dict[str, Any]:
     """Numbers and words by which templates print assumptions, doubts and limits."""
-    known, limits = weighed.known, weighed.limits
+    known, limits, chosen = weighed.known, weighed.limits, weighed.chosen
     before, after = weighed.sigmas([]), weighed.sigmas(chosen)
     gain, usual = float(before[0] / after[0]), float(np.nanmedian(before / after))
     facts: dict[str, Any] = {
         "kind": "tones",
-        "unit": amplitude_unit,
+        "unit": bound.amplitude_unit,
         "no_error": np.nan,
         "target": goal.target,
         "places": len(known.places),
@@ -110,51 +121,38 @@ def _facts(
         "units": bound.drift.units,
         "inflation": known.start_fit.inflation,
         "searched": known.start_fit.searched,
-        "is_given": goal.start is not None,
+        "is_given": is_given,
         "has_value": bool(np.isfinite(before[0])),
         "gain": gain,
         "usual": usual,
         "helps": gain > min(LITTLE * usual, HELPFUL),
     }
-    if limits.sweeps is not None:
+    if limits.traces is not None:
+        unit = required(bound, TRACES).record(limits.traces.of[0]).unit
+        facts |= {"kind": "traces", "unit": unit}
+    elif limits.sweeps is not None:
         like = required(bound, SWEEPS)
-        facts["kind"], last = "sweeps", like.records[-1]
+        facts |= {"kind": "sweeps", "unit": like.unit}
         if isinstance(like.kind, ControlSweep):
             facts |= {"scale": like.kind.scaled_by, "factor": "scale", "background": False}
         else:
+            last = like.records[-1]
             scale = "modulus" if last.restarted else "shared" if last.shared else "each"
             facts |= {"scale": scale, "factor": "complex gain"}
             facts["background"] = last.wiring.columns > 1
-    if limits.traces is not None:
-        facts["kind"] = "traces"
     return facts
 
 
-def _proposal(weighed: Weighed, chosen: Sequence[int], rank: int) -> Proposal:
-    candidate = chosen[rank - 1]
-    setup, repeats = weighed.setup_of[candidate], weighed.repeats[candidate]
-    peaks = weighed.peaks[setup]
-    sigmas = weighed.limits.sigmas(peaks, repeats)
-    if weighed.noise is not None:
-        sigmas = weighed.noise[[setup]]
-    choice = weighed.setups[setup]
-    return Proposal(
-        rank=rank,
-        repeats=repeats,
-        peaks_v=tuple(map(float, peaks)),
-        sigmas_v=tuple(map(float, sigmas)),
-        expected=weighed.expected(chosen[:rank]),
-        **{field.name: getattr(choice, field.name) for field in fields(DriveChoice)},
-    )
-
-
-def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
+def _kinds(weighed: Weighed) -> tuple[Kind, ...]:
     """Candidates by output, resonance and level, sweeps by controls, alone and with the rest.
 
     The rest are the proposed ones but the last.
     """
-    alone = [expected_of(sigmas).mean for sigmas in weighed.sigmas_with([])]
-    last = [expected_of(sigmas).mean for sigmas in weighed.sigmas_with(chosen[:-1])]
+    chosen = weighed.chosen
+    alone, last = (
+        [expected_of(sigmas).mean for sigmas in weighed.sigmas(so_far, and_each=True)]
+        for so_far in ((), chosen[:-1])
+    )
     if np.all(weighed.problem.singles):  # a proposed one is the last of all, never measured twice
         after = weighed.expected(chosen).mean
         last = [after if i in chosen else value for i, value in enumerate(last)]
@@ -185,20 +183,78 @@ def _kinds(weighed: Weighed, chosen: Sequence[int]) -> tuple[Kind, ...]:
     return tuple(kinds)
 
 
-def _places(
-    bound: BoundCampaign, weighed: Weighed, chosen: Sequence[int]
-) -> tuple[PlacePoint, ...]:
+def _places(bound: BoundCampaign, weighed: Weighed) -> tuple[PlacePoint, ...]:
+    chosen, known, parameters = weighed.chosen, weighed.known, bound.parameters
     along = np.array([weighed.sigmas(chosen[:rank]) for rank in range(len(chosen) + 1)])
-    names = [parameter.name for parameter in bound.parameters]
-    points = []
-    for k, place in enumerate(weighed.known.places):
-        p = canonical(bound.parameters, to_model(bound.parameters, place.x))
+    names, points = [parameter.name for parameter in parameters], []
+    for place, value, sigmas in zip(known.places, known.values, along.T, strict=True):
+        p = canonical(parameters, to_model(parameters, place.x))
         points.append(
             PlacePoint(
                 alternative=dict(place.alternative),
                 parameters=dict(zip(names, map(float, p), strict=True)),
-                target=float(weighed.known.values[k]),
-                sigmas=tuple(map(float, along[:, k])),
+                target=float(value),
+                sigmas=tuple(map(float, sigmas)),
             )
         )
     return tuple(points)
+
+
+# --- what is printed ----------------------------------------------------------------------------
+
+
+def write_report(design: Design, figures: Sequence[Figure], folder: Path) -> Path:
+    """Write `report.html` into a folder, whole or not at all, and return its path.
+
+    Args:
+        design: the proposed next measurement.
+        figures: saved for the page.
+        folder: where the files go.
+
+    Raises:
+        BadInput: the folder cannot be written.
+    """
+    return write_page(
+        folder,
+        "design/page.html.j2",
+        title=f"Next measurement: {design.title}",
+        kind="next measurement",
+        status=f"{len(design.proposals)} measurements proposed",
+        message=phrase("design/text", "promise", design),
+        synthetic=design.synthetic,
+        figures=figures,
+        design=design,
+    )
+
+
+def proposal_table(design: Design) -> Table:
+    """A row per proposed measurement, under one for the data so far.
+
+    Args:
+        design: the proposed next measurement.
+    """
+    return table("design/proposals", design=design)
+
+
+def screen_lines(design: Design, files: Sequence[Path] = (), *, verbose: bool = False) -> list[str]:
+    """What `fmu-fit design` prints: a row for each proposed measurement.
+
+    Args:
+        design: the proposed next measurements.
+        files: design.json, design.csv, the campaign to be filled in, the report if there is one.
+        verbose: whether candidates, points of equal fit and assumptions are printed.
+    """
+    rows = table("design/expected", of=design, rows=design.proposals)
+    return printed_lines("design/text", "screen", design, rows, verbose, files)
+
+
+def ways_lines(ways: Ways, files: Sequence[Path] = (), *, verbose: bool = False) -> list[str]:
+    """What `fmu-fit design` prints of several kinds of measurements that are compared.
+
+    Args:
+        ways: to spend the same time, the least expected error first.
+        files: ways.json, and the campaigns to be filled in.
+        verbose: whether the times of each kind are printed.
+    """
+    rows = table("design/expected", of=ways, rows=ways.ways, takes=True)
+    return printed_lines("design/text", "ways", ways, rows, verbose, files)

@@ -19,7 +19,7 @@ import numpy as np
 
 from fitting.design.continued import SWEEPS, Continued, required
 from fitting.design.information import Place, Rows, Series
-from fitting.design.limits import Limits, check_controls, combinations
+from fitting.design.limits import Limits, combinations
 from fitting.design.result import DriveChoice
 from fitting.extension.problem import central, planning_points, search_bounds, to_model
 from fitting.extension.records import BoundCampaign, Prediction
@@ -66,7 +66,7 @@ def sweep_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice, ..
             f"{bound.path}: {len(combined)} sweeps lie within the limits, wanted at most "
             f"{MOST_SWEEPS}: fewer values in [design] sweeps"
         )
-    check_controls(sweeps.controls, like, "limits: sweeps")
+    like.require_controls(sweeps.controls, "limits: sweeps")
     [centre_hz], half = limits.centres_hz, 0.5 * sweeps.span_hz
     return tuple(
         DriveChoice(

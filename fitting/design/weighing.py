@@ -7,8 +7,9 @@ from it; the choice is the best on average (geometric mean of the expected stand
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -33,7 +34,9 @@ from fitting.extension.problem import (
 )
 from fitting.extension.records import BoundCampaign
 from fitting.simulate.batch import Workers
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, IntArray, Scalar
+from fitting.text.choices import CRITERIA
 from fitting.text.errors import BadInput, did_you_mean
 
 #: Points at which a design is judged, the given one included.
@@ -46,39 +49,54 @@ GRADIENT_STEP = 1e-4
 ENOUGH = 5
 #: Prior of the scale's logarithm where there is none, or where it is fitted.
 KNOWN = 1e-9
+#: An alternative and the parameters (n,) in their units.
+Start = tuple[Mapping[str, Scalar], FloatArray]
 
 
+@checked
 @dataclass(frozen=True)
-class DesignGoal:
-    """What is asked for: target (parameter or derived output), criterion, where, seed of walkers.
+class Goal:
+    """What the next measurements are for.
 
-    `start` is an alternative and the parameters (n,) in their units, None for the fit that is
-    nearest to the references.
+    Args:
+        target: A parameter or derived output; empty: as the campaign states, else its first output.
+        criterion: "target": error of the target; "D" or "A" of all parameters; empty: as the
+            campaign states, else the target's.
+        number: Measurements at most, 1 to 50; None: as the limits state.
+        seed: Of points of equal fit, at least 0.
+        time_s: What the measurements may take of the laboratory together, s; None: as the limits
+            state.
+
+    Raises:
+        BadInput: a criterion, number, seed or time that there is not.
     """
 
-    target: str
-    _: KW_ONLY
-    criterion: str = "target"
-    start: tuple[Mapping[str, Scalar], FloatArray] | None = None
+    target: str = ""
+    criterion: str = ""
+    number: int | None = None
     seed: int = 1
+    time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.criterion and self.criterion not in CRITERIA:
+            raise BadInput(
+                f"goal: criterion {self.criterion!r}, wanted one of {', '.join(CRITERIA)}"
+            )
+        if self.seed < 0:
+            raise BadInput(f"goal: seed {self.seed}, wanted at least 0")
+        if self.time_s is not None and not 0.0 < self.time_s < math.inf:
+            raise BadInput(f"goal: time_s {self.time_s}, wanted a positive number of seconds")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
     """What is known before anything new is measured, at the `places` where a design is judged.
 
-    `unit` (n + 1 + l,) are the standard deviations of the prior in x, of the scale's logarithm, and
-    of what the new measurements of each way have in common, `own` the places (l_k,) of those; in
-    their units `base` (k, n + 1 + l, n + 1 + l) is the information of prior and data and
-    `gradients` (k, n + 1 + l) the target's. `values` (k,) of the target there, `spread_values` at
-    all points of equal fit, in its unit.
+    `values` (k,) of the target there, `spread_values` at all points of equal fit, in its unit;
+    `start_fit` is the fit set out from.
     """
 
     places: tuple[Place, ...]
-    unit: FloatArray
-    own: tuple[IntArray, ...]
-    base: FloatArray
-    gradients: FloatArray
     values: FloatArray
     spread_values: FloatArray
     start_fit: StartFit
@@ -97,7 +115,7 @@ class Weighed:
     `problem` in variables of unit prior variance; `setup_of` each candidate the number of its
     choice in `setups`, of which `peaks` are sizes of the values at the given point and `noise`
     (setups,) is that of recordings, None where the `limits` state it. `linear`: amplitudes are
-    proportional to the drive level.
+    proportional to the drive level. `chosen` are the candidates to be measured, in order of use.
     """
 
     known: Known
@@ -109,17 +127,19 @@ class Weighed:
     peaks: Sequence[FloatArray]
     linear: bool
     noise: FloatArray | None
+    chosen: tuple[int, ...] = ()
 
-    def sigmas(self, chosen: Sequence[int]) -> FloatArray:
-        """Expected standard deviation of the target at every place, no more than its spread."""
-        return self._within(target_sigmas(self.problem, self.problem.information(chosen)))
+    def sigmas(self, chosen: Sequence[int], *, and_each: bool = False) -> FloatArray:
+        """Expected standard deviation of the target at every place, no more than its spread.
 
-    def sigmas_with(self, chosen: Sequence[int]) -> FloatArray:
-        """The same with each candidate added to the chosen, shape (candidates, places)."""
-        gains = np.swapaxes(self.problem.gains, 0, 1)
-        return self._within(target_sigmas(self.problem, self.problem.information(chosen) + gains))
-
-    def _within(self, sigmas: FloatArray) -> FloatArray:
+        Args:
+            chosen: candidates that are measured.
+            and_each: with each of all candidates added to these, shape (candidates, places).
+        """
+        information = self.problem.information(chosen)
+        if and_each:
+            information = information + np.swapaxes(self.problem.gains, 0, 1)
+        sigmas = target_sigmas(self.problem, information)
         return np.asarray(sigmas / np.hypot(1.0, sigmas / self.known.spread))
 
     def expected(self, chosen: Sequence[int]) -> Expected:
@@ -134,8 +154,8 @@ class Weighed:
         """What candidates take of the laboratory, s."""
         return sum(self.limits.takes_s(self.choice(i), self.repeats[i]) for i in chosen)
 
-    def chosen_by(self, criterion: str) -> list[int]:
-        """Candidates to measure, in order of use.
+    def choosing(self, criterion: str) -> Weighed:
+        """The same with the best candidates chosen.
 
         Args:
             criterion: "target", "D" or "A".
@@ -143,13 +163,14 @@ class Weighed:
         Raises:
             BadInput: the criterion is the target's, and it can be differentiated at no point.
         """
-        gradients = self.problem.gradients
+        gradients, limits = self.problem.gradients, self.limits
         if criterion == "target" and not np.any(np.all(np.isfinite(gradients), 1)):
             raise BadInput(
                 "the target has no value, or none that can be differentiated, at any point of "
                 'equal fit; wanted another --target, or --criterion "D" or "A"'
             )
-        return choose(self.problem, self.limits.number, criterion, self.limits.time_s)
+        chosen = choose(self.problem, limits.number, criterion, limits.time_s)
+        return replace(self, chosen=tuple(chosen))
 
 
 def expected_of(sigmas: FloatArray) -> Expected:
@@ -165,106 +186,95 @@ def expected_of(sigmas: FloatArray) -> Expected:
 
 
 def weigh(
-    bound: BoundCampaign,
+    bounds: Sequence[BoundCampaign],
     workers: Workers,
     ways: Sequence[Limits],
-    goal: DesignGoal,
+    goal: Goal,
+    start: Start | None = None,
     progress: Callable[[str], None] = lambda state: None,
-    also: Sequence[BoundCampaign] = (),
 ) -> tuple[Weighed, ...]:
     """Information of the data so far and of every candidate of several ways to continue them.
 
-    The campaign is the one to be continued; what was measured in others (`also`, of the same FMU
-    and parameters, each with a scale of its own) counts as known. The problems of all ways have the
-    same variables and base: the parameters, the scale of the data so far, and what the new
-    measurements of each way have in common, so that candidates of several can be joined.
+    The problems of all ways have the same variables and base: the parameters, the scale of the data
+    so far, and what the new measurements of each way have in common, so that candidates of several
+    can be joined.
 
     Args:
-        bound: the campaign to be continued.
-        workers: of its FMU.
+        bounds: the campaign to be continued, and others of the same FMU and parameters, each with a
+            scale of its own, whose data count as known.
+        workers: of the FMU.
         ways: limits of the instrument, of each way.
-        goal: the target and where it is to be known.
+        goal: the target, its criterion and the seed of points of equal fit.
+        start: where it is to be known, an alternative and the parameters (n,) in their units; None:
+            at the fit that is nearest to the references.
         progress: is called with a line of what is under way.
-        also: further campaigns that have been measured.
 
     Raises:
         BadInput: an unknown target, no candidate within the limits, or another campaign with other
             parameters.
         FmuFailure: the FMU failed.
     """
-    names = (*(parameter.name for parameter in bound.parameters), *bound.derived)
+    bound, parameters = bounds[0], bounds[0].parameters
+    names = (*(parameter.name for parameter in parameters), *bound.derived)
     if goal.target not in names:
         hint = did_you_mean(goal.target, names)
         raise BadInput(f"{bound.path}: target '{goal.target}' is neither fitted nor derived{hint}")
     refined = any(way.sweeps is not None or way.traces is not None for way in ways)
-    data = Series(bound, workers, refined=refined)
-    series = (data, *(_alike(other, data) for other in also))
-    known = _known(series, goal, ways, progress)
-    progress("candidates")
-    return tuple(
-        _weighed(data, limits, known, own) for limits, own in zip(ways, known.own, strict=True)
-    )
-
-
-def _alike(other: BoundCampaign, data: Series) -> Series:
-    """Another campaign's data, in the search vector of the first."""
-    bound = data.bound
-    names, wanted = ({p.name for p in b.parameters} for b in (other, bound))
-    if names != wanted:
-        raise BadInput(
-            f"{other.path}: fits {', '.join(sorted(names))}, but {bound.path} fits "
-            f"{', '.join(sorted(wanted))}; wanted the same parameters"
-        )
-    same = replace(other, parameters=bound.parameters, alternatives=bound.alternatives)
-    return Series(same, data.workers, refined=data.refined)
-
-
-def _known(
-    series: tuple[Series, ...],
-    goal: DesignGoal,
-    ways: Sequence[Limits],
-    progress: Callable[[str], None],
-) -> Known:
-    """Points of equal fit, and what the data so far determine of the target at some of them."""
-    data, parameters = series[0], series[0].bound.parameters
+    data, *others = (_series(each, bound, workers, refined) for each in bounds)
+    series = (data, *others)
     prior = prior_sigmas_in_box(parameters)
     errors = {name: sigma for way in ways for name, sigma in way.setting_sigmas.items()}
     progress("points of equal fit")
-    start, given, others = _equal_fits(series, goal, prior, errors)
-    spread_values = _values(data, goal.target, [given, *others])
-    useful = [p for p, v in zip(others, spread_values[1:], strict=True) if np.isfinite(v)]
-    eligible = useful if goal.criterion == "target" else others
+    first, given, alike = _equal_fits(series, goal, start, prior, errors)
+    spread_values = _values(data, goal.target, [given, *alike])
+    useful = [p for p, v in zip(alike, spread_values[1:], strict=True) if np.isfinite(v)]
+    eligible = useful if goal.criterion == "target" else alike
     places = spread_out(parameters, given, eligible, PLACES, prior)
-    progress(f"{len(others)} points of equal fit; what the data determine at {len(places)} of them")
-    # what the new measurements of each way share, of which the data so far say nothing
-    new = [_shared(data.bound, way) for way in ways]
-    fitted = any(parameter.role == "scale" for parameter in parameters)
-    scale = KNOWN if fitted else max(data.scale_sigma, KNOWN)
-    unit = np.append(prior, [scale, *(sigma for each in new for sigma in each)])
-    ends = np.cumsum([len(prior) + 1, *map(len, new)])
-    base = np.zeros((len(places), unit.size, unit.size))
-    known = len(prior) + 1
-    for k, place in enumerate(places):
-        base[k, :known, :known] = _information_at(series, place, errors)
-    gradients = np.zeros((len(places), unit.size))
-    gradients[:, : len(prior)] = _gradients(data, goal.target, places) * prior
-    return Known(
+    progress(f"{len(alike)} points of equal fit; what the data determine at {len(places)} of them")
+    known = Known(
         places=tuple(places),
-        unit=unit,
-        own=tuple(np.arange(first, last) for first, last in pairwise(ends)),
-        base=np.eye(unit.size) + base * np.outer(unit, unit),
-        gradients=gradients,
         values=_values(data, goal.target, places),
         spread_values=spread_values,
-        start_fit=start,
+        start_fit=first,
+    )
+    # what the new measurements of each way share, of which the data so far say nothing
+    shared = [
+        [ANY_PHASE] * way.phases if way.sweeps is None else shared_sigmas(required(bound, SWEEPS))
+        for way in ways
+    ]
+    is_fitted = any(parameter.role == "scale" for parameter in parameters)
+    scale = KNOWN if is_fitted else max(data.scale_sigma, KNOWN)
+    unit = np.concatenate([prior, [scale], *shared])
+    so_far = prior.size + 1
+    base = np.zeros((len(places), unit.size, unit.size))
+    base[:, :so_far, :so_far] = [_information_at(series, place, errors) for place in places]
+    gradients = np.zeros((len(places), unit.size))
+    gradients[:, : prior.size] = _gradients(data, goal.target, places) * prior
+    problem = DesignProblem(
+        base=np.eye(unit.size) + base * np.outer(unit, unit),
+        gains=np.zeros((len(places), 0, unit.size, unit.size)),
+        gradients=gradients,
+        shown=prior.size,
+        costs=np.zeros(0),
+    )
+    progress("candidates")
+    own = pairwise(np.cumsum([so_far, *map(len, shared)]))
+    return tuple(
+        _weighed(data, limits, known, problem, unit, np.arange(*ends))
+        for limits, ends in zip(ways, own, strict=True)
     )
 
 
-def _shared(bound: BoundCampaign, limits: Limits) -> list[float]:
-    """Prior standard deviations of what all new measurements share: a phase, a scale, a gain."""
-    if limits.sweeps is not None:
-        return shared_sigmas(required(bound, SWEEPS))
-    return [ANY_PHASE] if limits.phases else []
+def _series(bound: BoundCampaign, first: BoundCampaign, workers: Workers, refined: bool) -> Series:
+    """A campaign's data, in the search vector of the first."""
+    names, wanted = ({p.name for p in b.parameters} for b in (bound, first))
+    if names != wanted:
+        raise BadInput(
+            f"{bound.path}: fits {', '.join(sorted(names))}, but {first.path} fits "
+            f"{', '.join(sorted(wanted))}; wanted the same parameters"
+        )
+    same = replace(bound, parameters=first.parameters, alternatives=first.alternatives)
+    return Series(same, workers, refined=refined)
 
 
 def _information_at(
@@ -281,18 +291,21 @@ def _information_at(
 
 
 def _equal_fits(
-    series: tuple[Series, ...], goal: DesignGoal, prior: FloatArray, errors: dict[str, float]
+    series: tuple[Series, ...],
+    goal: Goal,
+    start: Start | None,
+    prior: FloatArray,
+    errors: dict[str, float],
 ) -> tuple[StartFit, Place, list[Place]]:
     """Where it sets out, the given point (that, or the one asked for), and others of equal fit."""
     bound = series[0].bound
     lower, upper = search_bounds(bound.parameters)
     alternative, x = bound.alternatives[0], np.zeros(len(prior))
-    if goal.start is not None:
-        alternative, x = goal.start[0], to_search(bound.parameters, goal.start[1])
-    start = Place(alternative, np.clip(x, lower, upper))
+    if start is not None:
+        alternative, x = start[0], to_search(bound.parameters, start[1])
+    place = Place(alternative, np.clip(x, lower, upper))
     # a point that was asked for is kept, also where it fits badly: nothing else is searched
-    seed = goal.seed if goal.start is None else None
-    first = start_fit(series, start, prior, errors, seed)
+    first = start_fit(series, place, prior, errors, goal.seed if start is None else None)
     data, given = first.data, first.fitted
     others: list[Place] = []
     for k, alternative in enumerate(bound.alternatives):
@@ -301,7 +314,7 @@ def _equal_fits(
             here = data.nearest_fit(Place(alternative, given.place.x))
             others.append(here.place)
         others += [fit.place for fit in equal_fits(data, here, goal.seed + k)]
-    return first, (given.place if goal.start is None else start), others
+    return first, (given.place if start is None else place), others
 
 
 def _gradients(data: Series, target: str, places: Sequence[Place]) -> FloatArray:
@@ -335,10 +348,18 @@ def _values(data: Series, target: str, places: Sequence[Place]) -> FloatArray:
     return values
 
 
-def _weighed(data: Series, limits: Limits, known: Known, own: IntArray) -> Weighed:
+def _weighed(
+    data: Series,
+    limits: Limits,
+    known: Known,
+    nothing: DesignProblem,
+    unit: FloatArray,
+    own: IntArray,
+) -> Weighed:
     """Candidates of one way that show and that the detector bears, and their information.
 
-    `own` are the places of what the new measurements have in common.
+    They are added to `nothing`, a problem without candidates, whose variables have the standard
+    deviations `unit`; `own` are the places of what the new measurements have in common.
     """
     steps, place = data.steps(), known.places[0]
     made: ToneCandidates | SweepCandidates | RecordingCandidates
@@ -348,34 +369,31 @@ def _weighed(data: Series, limits: Limits, known: Known, own: IntArray) -> Weigh
         made = RecordingCandidates(data, limits, place, steps)
     else:
         made = ToneCandidates(data, limits, place, steps)
-    setups, shown = made.choices, place.x.size
-    index = np.append(np.arange(shown + 1), own)
-    gains = np.zeros((len(limits.repeats), len(known.places), len(setups), *known.base.shape[1:]))
-    shows = np.zeros((len(limits.repeats), len(known.places), len(setups)), dtype=bool)
-    borne, positive = np.zeros(len(setups), dtype=bool), np.ones(len(setups), dtype=bool)
-    peaks: list[FloatArray] = []
+    setups, index = made.choices, np.append(np.arange(nothing.shown + 1), own)
+    counts = (len(limits.repeats), len(known.places), len(setups))
+    gains, shows = np.zeros((*counts, unit.size, unit.size)), np.zeros(counts, dtype=bool)
+    allowed, peaks = np.ones(len(setups), dtype=bool), list[FloatArray]()
     for rank, each in enumerate(known.places):
         begin = 0
         for rows in made.rows(each):
             mine = slice(begin, begin + len(rows.values))
             begin = mine.stop
             # of sweeps and recordings the largest value counts, of tones every one
-            sizes = rows.peaks if isinstance(made, ToneCandidates) else _largest(rows.peaks)
-            positive[mine] &= np.all(sizes > 0.0, axis=1)
+            sizes = rows.peaks
+            if not isinstance(made, ToneCandidates):
+                sizes = np.max(sizes, axis=1, keepdims=True)
+            allowed[mine] &= np.all(sizes > 0.0, axis=1)
             if rank == 0:
                 peaks += list(sizes)
-                borne[mine] = np.max(sizes, axis=1) <= limits.largest_v
+                allowed[mine] &= np.max(sizes, axis=1) <= limits.largest_v
             for k, count in enumerate(limits.repeats):
-                noise = limits.sigmas(rows.peaks, count)
-                of_sizes = limits.sigmas(sizes, count)
+                noise, of_sizes = (limits.sigmas(v, count) for v in (rows.peaks, sizes))
                 if made.noise is not None:
                     noise = of_sizes = made.noise[mine, np.newaxis]
                 shows[k, rank, mine] = np.all(sizes >= LEAST_SIGNAL * of_sizes, axis=1)
                 gains[k, rank, mine][:, index[:, np.newaxis], index] = rows.information(noise)
-    unit = known.unit
-    measurable = (np.mean(shows, axis=1) >= 0.5) & positive & borne  # (repeats, setups)
-    which = [(k, i) for k in range(len(limits.repeats)) for i in np.flatnonzero(measurable[k])]
-    if not which:
+    ranks, which = np.nonzero((np.mean(shows, axis=1) >= 0.5) & allowed)
+    if not which.size:
         refused = ", or a fit would refuse it, as a decay of less than a period"
         raise BadInput(
             f"none of {len(setups)} setups can be measured: every peak is below {LEAST_SIGNAL:g} "
@@ -383,18 +401,14 @@ def _weighed(data: Series, limits: Limits, known: Known, own: IntArray) -> Weigh
             + refused
             * (limits.traces is not None)
         )
-    setup_of, repeats = [int(i) for _, i in which], [limits.repeats[k] for k, _ in which]
-    efforts = np.array([_effort(setups[i]) for i in setup_of])
-    pairs = zip(setup_of, repeats, strict=True)
-    seconds = np.array([limits.takes_s(setups[i], count) for i, count in pairs])
-    chosen = [gains[k, :, i] for k, i in which]
-    problem = DesignProblem(
-        base=known.base,
-        gains=np.stack(chosen, axis=1) * np.outer(unit, unit),
-        gradients=known.gradients,
-        shown=shown,
-        # of two that take as long the gentler drive, or fewer samples, come first
-        costs=seconds * (1.0 + 1e-6 * efforts / efforts.max()),
+    repeats = [limits.repeats[k] for k in ranks]
+    # of two that take as long the gentler drive, or fewer samples, come first
+    efforts = np.array([c.level if (r := c.recording) is None else r.samples for c in setups])
+    seconds = [limits.takes_s(setups[i], n) for i, n in zip(which, repeats, strict=True)]
+    problem = replace(
+        nothing,
+        gains=np.swapaxes(gains[ranks, :, which], 0, 1) * np.outer(unit, unit),
+        costs=np.array(seconds) * (1.0 + 1e-6 * efforts[which] / efforts[which].max()),
         once=limits.sweeps is not None,
     )
     return Weighed(
@@ -403,18 +417,8 @@ def _weighed(data: Series, limits: Limits, known: Known, own: IntArray) -> Weigh
         problem=problem,
         setups=tuple(setups),
         repeats=tuple(repeats),
-        setup_of=tuple(setup_of),
+        setup_of=tuple(map(int, which)),
         peaks=peaks,
         linear=made.linear,
         noise=made.noise,
     )
-
-
-def _largest(peaks: FloatArray) -> FloatArray:
-    largest: FloatArray = np.max(peaks, axis=1, keepdims=True)
-    return largest
-
-
-def _effort(choice: DriveChoice) -> float:
-    """What is rather spared of what takes as long: drive, samples."""
-    return choice.level if choice.recording is None else float(choice.recording.samples)

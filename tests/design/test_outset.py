@@ -11,7 +11,7 @@ import pytest
 import fitting as ff
 from fitting.design.api import NextMeasurements
 from fitting.design.limits import Limits
-from fitting.design.report import screen_lines
+from fitting.design.proposal import screen_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support import crossing_spectra
 

@@ -19,8 +19,8 @@ from fitting.cli.main import main
 from fitting.design.api import NextMeasurements
 from fitting.design.information import Place, Series
 from fitting.design.limits import Limits, TraceLimits
+from fitting.design.proposal import screen_lines
 from fitting.design.recordings import RecordingCandidates, recording_choices
-from fitting.design.report import screen_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
 from tests.support.demodulated import demodulated

@@ -14,7 +14,7 @@ from scipy.special import ive
 import fitting as ff
 from fitting.design.api import NextMeasurements
 from fitting.design.information import Rows
-from fitting.design.report import screen_lines
+from fitting.design.proposal import screen_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.modal_workers import phasors
 

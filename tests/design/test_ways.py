@@ -13,10 +13,10 @@ import pytest
 import fitting as ff
 from fitting.campaign import bind
 from fitting.design.choice import DesignProblem, choose, losses
-from fitting.design.report import ways_lines
+from fitting.design.proposal import ways_lines
 from fitting.design.result import read_ways
 from fitting.design.ways import TOGETHER
-from fitting.design.weighing import DesignGoal, weigh
+from fitting.design.weighing import Goal, weigh
 from fitting.text.arrays import FloatArray
 from tests.design.test_sweeps import (
     BOX,
@@ -209,7 +209,7 @@ def test_what_sweeps_of_one_kind_share_is_theirs_alone(fmu: ff.Fmu, tmp_path: Pa
     grids = {"wide": NEW_HZ, "narrow": np.linspace(999_850.0, 1_000_650.0, 21)}
     limits = [ff.limits(made, file) for file in files.values()]
     bound = bind(made.campaigns[0], fmu.variables)
-    weighed = weigh(bound, fmu.workers, limits, DesignGoal("d1"))
+    weighed = weigh([bound], fmu.workers, limits, Goal("d1", "target"))
     # behind five parameters and the scale so far stand that of one kind and that of the other
     for k, each in enumerate(weighed):
         diagonals = np.diagonal(each.problem.gains, axis1=2, axis2=3)

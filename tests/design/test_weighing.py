@@ -21,7 +21,7 @@ from fitting.design.limits import DesignTable, Limits, limits_of
 from fitting.design.proposal import proposed
 from fitting.design.result import Design, DriveChoice
 from fitting.design.tones import ToneCandidates, tone_choices
-from fitting.design.weighing import DesignGoal, Weighed, weigh
+from fitting.design.weighing import Goal, Weighed, weigh
 from fitting.fmu import FmuWorkers
 from fitting.lab.truth import read_bench
 from fitting.lines.form import fit_resonance
@@ -67,13 +67,13 @@ def limits(bound: BoundCampaign, workers: FmuWorkers) -> Limits:
 @pytest.fixture(scope="module")
 def weighed(bound: BoundCampaign, workers: FmuWorkers, limits: Limits) -> Weighed:
     start = (bound.alternatives[0], TRUTH)
-    [found] = weigh(bound, workers, [limits], DesignGoal("lambda", start=start))
+    [found] = weigh([bound], workers, [limits], Goal("lambda", "target"), start)
     return found
 
 
-def propose(bound: BoundCampaign, weighed: Weighed, goal: DesignGoal) -> Design:
+def propose(bound: BoundCampaign, weighed: Weighed, goal: Goal) -> Design:
     """What is chosen of weighed candidates."""
-    return proposed(bound, weighed, weighed.chosen_by(goal.criterion), goal, "Hz", {})
+    return proposed(bound, weighed.choosing(goal.criterion), goal, "Hz", {})
 
 
 def test_limits_are_those_the_campaign_kept_to(bound: BoundCampaign, workers: FmuWorkers) -> None:
@@ -177,7 +177,7 @@ def test_the_expected_error_falls_tenfold(
     bound: BoundCampaign, weighed: Weighed, limits: Limits
 ) -> None:
     """And by the measurements that determine lambda by their singular values."""
-    design = propose(bound, weighed, DesignGoal("lambda"))
+    design = propose(bound, weighed, Goal("lambda", "target"))
     last = design.proposals[-1].expected
     assert design.before.at / last.at > 10.0
     assert design.before.mean / last.mean > 10.0
@@ -196,9 +196,9 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
     """With the q2 series beside, one mode at the other's resonance settles it."""
     path = Q1.parents[1] / "string_q2" / "campaign.toml"
     other = linear(bind(read_campaign(path), workers.description.variables))
-    goal = DesignGoal("lambda", start=(bound.alternatives[0], TRUTH))
+    goal, start = Goal("lambda", "target"), (bound.alternatives[0], TRUTH)
     one = replace(bound, alternatives=bound.alternatives[:1])
-    [weighed] = weigh(one, workers, [limits], goal, also=[other])
+    [weighed] = weigh([one, other], workers, [limits], goal, start)
     design = propose(bound, weighed, goal)
     first = design.proposals[0]
     assert (first.output, first.centre_hz > 7e6) in (("q2_hybrid", False), ("q1_hybrid", True))
@@ -209,7 +209,7 @@ def test_both_lines_known_the_cross_mode_is_what_is_missing(
     assert np.ptp(np.array(both)[1:, 1]) < 8.0
     more = replace(other, parameters=other.parameters[:2])
     with pytest.raises(BadInput, match="d1, theta"):
-        weigh(bound, workers, [limits], goal, also=[more])
+        weigh([bound, more], workers, [limits], goal, start)
 
 
 @pytest.mark.parametrize("criterion", ["D", "target"])
@@ -240,7 +240,7 @@ def test_laboratories_that_follow_the_advice(
 
     The benchmark tests/bench/bench_design.py does so for a hundred of them.
     """
-    design = propose(bound, weighed, DesignGoal("lambda"))
+    design = propose(bound, weighed, Goal("lambda", "target"))
     write_all(
         tmp_path / "plan", campaign_files(design, bound, {}, limits, tmp_path / "plan", "a test")
     )
@@ -272,8 +272,8 @@ def test_a_sweep_alone_asks_for_points_of_a_sweep(workers: FmuWorkers) -> None:
     limits = limits_of(bound, variables, design_table(path, {"levels": [1]}))
     assert limits.tones == 1
     assert limits.frequency_step_hz == 2.0
-    goal = DesignGoal("width_plus")
-    [weighed] = weigh(bound, workers, [limits], goal)
+    goal = Goal("width_plus", "target")
+    [weighed] = weigh([bound], workers, [limits], goal)
     design = propose(bound, weighed, goal)
     assert bound.sweep is not None
     line = fit_resonance(bound.sweep.frequency_hz, bound.sweep.amplitude_v)
@@ -291,17 +291,17 @@ def test_nothing_measurable_is_said(
     deaf = replace(limits, noise_floor_v=1.0, outputs=("q1_hybrid",))
     one = replace(bound, alternatives=bound.alternatives[:1])
     with pytest.raises(BadInput, match=r"\d+ setups"):
-        weigh(one, workers, [deaf], DesignGoal("lambda"))
+        weigh([one], workers, [deaf], Goal("lambda", "target"))
     with pytest.raises(BadInput, match="target 'nu'"):
-        weigh(bound, workers, [limits], DesignGoal("nu"))
+        weigh([bound], workers, [limits], Goal("nu", "target"))
 
 
 def test_a_target_without_a_value_is_said(weighed: Weighed, limits: Limits) -> None:
     nowhere = np.full_like(weighed.problem.gradients, np.nan)
     without = replace(weighed, problem=replace(weighed.problem, gradients=nowhere))
     with pytest.raises(BadInput, match="no value"):
-        without.chosen_by("target")
-    assert len(without.chosen_by("D")) == limits.number
+        without.choosing("target")
+    assert len(without.choosing("D").chosen) == limits.number
 
 
 def test_a_prior_over_more_than_a_period_counts_once(bound: BoundCampaign) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 
-from fitting.design.report import proposal_table, screen_lines
+from fitting.design.proposal import proposal_table, screen_lines
 from fitting.design.result import design_csv
 from tests.support import plot_records
 from tests.support import plots as plot
