@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import fitting as ff
 from fitting.design import FILES, WAYS_FILES
@@ -25,9 +23,6 @@ from fitting.extension.command import (
 )
 from fitting.text.choices import CRITERIA
 from fitting.text.results_folder import remove_earlier, results_folder
-
-if TYPE_CHECKING:
-    from fitting.extension.problem import Result
 
 NAME = "design"
 DOCUMENT = "design.json"
@@ -90,60 +85,38 @@ def run(args: argparse.Namespace) -> int:
         FmuFailure: the FMU failed.
     """
     campaigns = [ff.read_campaign(path) for path in (args.campaign, *args.also)]
-    number, time_s = args.number, args.time
-    goal = ff.Goal(args.target or "", args.criterion or "", number, args.seed, time_s)
-    out = _out(args)
+    goal = ff.Goal(args.target or "", args.criterion or "", args.number, args.seed, args.time)
+    out, several = _out(args), len(args.candidates) > 1
+    # the fit by its file, which complaints name; itself where its data may be others
+    at = fit_at(args) if args.changed_data else args.at
+    words = [NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
+    options = ("out", "at", "target", "criterion", "number")
+    command = command_line(args, words, options, ("candidates",), ("changed_data",))
+    command += "" if args.time is None else f" --time {args.time!r}s"
+    command += "" if args.seed == 1 else f" --seed {args.seed}"
+    kinds = {path.stem: path for path in args.candidates}
+    if len(kinds) < len(args.candidates):
+        raise ff.BadInput("--candidates: two files of one name, which distinguishes the kinds")
+    for name in kinds if several else ():  # of what cannot be written there it is complained now
+        with results_folder(out / name, NAME, FILES):
+            pass
     with fmu_for(campaigns, out, args.workers) as fmu, status_line(NAME) as tell:
+        from fitting.design.proposal import screen_lines, ways_lines
+
         problem = ff.Problem.of(campaigns, fmu)
-        lines = (_ways if len(args.candidates) > 1 else _design)(args, problem, goal, tell)
+        if several:
+            ways = ff.ways(problem, goal, limits=kinds, at=at, progress=tell).made_by(command)
+            tell("writing")
+            written = ways.write(out, report=not args.no_report)
+            hand_over(args, ways.ways)
+            lines = ways_lines(ways.ways, written, verbose=args.verbose)
+        else:
+            limits = next(iter(kinds.values()), None)
+            made = ff.design(problem, goal, limits=limits, at=at, progress=tell).made_by(command)
+            tell("writing")
+            written = made.write(out, report=not args.no_report)
+            hand_over(args, made.design)
+            lines = screen_lines(made.design, written, verbose=args.verbose)
     remove_earlier(out, ("fmu/*.fmu",))
     print("\n".join(lines))
     return 0
-
-
-def _design(
-    args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
-) -> list[str]:
-    """Propose and write; what is printed."""
-    from fitting.design.proposal import screen_lines
-
-    limits = args.candidates[0] if args.candidates else None
-    made = ff.design(problem, goal, limits=limits, at=_at(args), progress=tell)
-    made = made.made_by(_command(args))
-    tell("writing")
-    written = made.write(_out(args), report=not args.no_report)
-    hand_over(args, made.design)
-    return screen_lines(made.design, written, verbose=args.verbose)
-
-
-def _ways(
-    args: argparse.Namespace, problem: ff.Problem, goal: ff.Goal, tell: Callable[[str], None]
-) -> list[str]:
-    """Compare kinds of measurements and write each; what is printed."""
-    from fitting.design.proposal import ways_lines
-
-    limits = {path.stem: path for path in args.candidates}
-    if len(limits) < len(args.candidates):
-        raise ff.BadInput("--candidates: two files of one name, which distinguishes the kinds")
-    for name in limits:  # of what cannot be written there it is complained now
-        with results_folder(_out(args) / name, NAME, FILES):
-            pass
-    made = ff.ways(problem, goal, limits=limits, at=_at(args), progress=tell)
-    made = made.made_by(_command(args))
-    tell("writing")
-    written = made.write(_out(args), report=not args.no_report)
-    hand_over(args, made.ways)
-    return ways_lines(made.ways, written, verbose=args.verbose)
-
-
-def _at(args: argparse.Namespace) -> Result | Path | None:
-    """The fit by its file, which complaints name; itself where its data may be others."""
-    return fit_at(args) if args.changed_data else args.at
-
-
-def _command(args: argparse.Namespace) -> str:
-    words = [NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
-    options = ("out", "at", "target", "criterion", "number")
-    made = command_line(args, words, options, ("candidates",), ("changed_data",))
-    made += "" if args.time is None else f" --time {args.time!r}s"
-    return made if args.seed == 1 else f"{made} --seed {args.seed}"

@@ -37,38 +37,19 @@ def save_figures(design: Design, folder: Path) -> list[Described]:
         design: the proposed next measurement.
         folder: where the files go.
     """
+    kinds = 1.9 + 0.23 * len(best_kinds(design))
+    drawings = (("steps", expected_errors, 3.9, 4), ("candidates", candidates, kinds, 3))
+    made = []
     with style():
-        return [
-            save(drawing, folder, for_page=True)
-            for drawing in (draw_steps(design), draw_kinds(design))
-        ]
-
-
-def draw_steps(design: Design) -> Described:
-    """Expected sigma of the target over the number of proposed measurements.
-
-    Args:
-        design: the proposed next measurement.
-    """
-    words = described("design/design_steps", design=design)
-    figure = new_figure(words.title, design.title, synthetic=design.synthetic, height=3.9)
-    axes = expected_errors(design, ax=figure.subplots())
-    legend_below(figure, handles_of(axes), ncols=4)
-    return replace(words, drawn=figure, number=1)
-
-
-def draw_kinds(design: Design) -> Described:
-    """Expected sigma of the target by kinds of candidates, alone and next to the proposed.
-
-    Args:
-        design: the proposed next measurement.
-    """
-    words = described("design/design_candidates", design=design)
-    height = 1.9 + 0.23 * len(best_kinds(design))
-    figure = new_figure(words.title, design.title, synthetic=design.synthetic, height=height)
-    axes = candidates(design, ax=figure.subplots())
-    legend_below(figure, handles_of(axes), ncols=3)
-    return replace(words, drawn=figure, number=2)
+        for number, (name, draw, height, columns) in enumerate(drawings, 1):
+            words = described(f"design/design_{name}", design=design)
+            synthetic = design.synthetic
+            figure = new_figure(words.title, design.title, synthetic=synthetic, height=height)
+            axes = draw(design, ax=figure.subplots())
+            legend_below(figure, handles_of(axes), ncols=columns)
+            drawn = replace(words, drawn=figure, number=number)
+            made.append(save(drawn, folder, for_page=True))
+    return made
 
 
 #: Kinds of candidates that a plot has room for, the best of them.
@@ -108,7 +89,11 @@ def expected_errors(design: Design, *, ax: Axes | None = None) -> Axes:
             label="each of them" if k == 0 else None,
         )
     log_axis(axes)
-    _span_a_decade(axes)
+    low, high = axes.get_ylim()
+    if high / low < 10.0:  # a logarithmic axis that shows two ticks at least
+        middle = math.sqrt(low * high)
+        axes.set_ylim(middle / 4.0, middle * 4.0)
+        axes.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
     axes.set_ylabel(with_unit(f"σ({mathtext(design.target)})", unit))
     axes.set_xticks(
         count, ["so far", *(phrase("design/text", "tick", p) for p in design.proposals)]
@@ -169,12 +154,3 @@ def best_kinds(design: Design) -> list[Kind]:
 def _unit(design: Design) -> tuple[float, str]:
     size = design.before.mean
     return prefixed(size if math.isfinite(size) else 1.0, design.unit)
-
-
-def _span_a_decade(axes: Axes) -> None:
-    """A logarithmic axis that shows two ticks at least."""
-    low, high = axes.get_ylim()
-    if high / low < 10.0:
-        middle = math.sqrt(low * high)
-        axes.set_ylim(middle / 4.0, middle * 4.0)
-        axes.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))

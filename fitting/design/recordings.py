@@ -24,7 +24,7 @@ from fitting.design.continued import TRACES, longest_s, repeatable, required
 from fitting.design.information import Place, Rows, Series
 from fitting.design.limits import Limits
 from fitting.design.result import DriveChoice, Recording
-from fitting.extension.problem import central, planning_points, search_bounds, to_model
+from fitting.extension.problem import planning_points
 from fitting.extension.records import BoundCampaign, Prediction, TimeRecord
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Values
@@ -111,14 +111,12 @@ class RecordingCandidates:
         data: the campaign that is to be continued.
         limits: of the instrument, with traces.
         place: where unstated noise is estimated.
-        steps: difference steps in x, shape (n,).
     """
 
     linear = True
 
-    def __init__(self, data: Series, limits: Limits, place: Place, steps: FloatArray) -> None:
-        self.data, self.steps = data, steps
-        self.like = required(data.bound, TRACES)
+    def __init__(self, data: Series, limits: Limits, place: Place) -> None:
+        self.data, self.like = data, required(data.bound, TRACES)
         self.choices = recording_choices(data.bound, limits)
         self._planned: dict[str, DrivenModel] = {}
         labels = [recording_of(c).trace for c in self.choices]
@@ -127,7 +125,7 @@ class RecordingCandidates:
             record = self.like.record(label)
             sigmas[label] = record.sigma
             if record.sigma == 0.0:
-                rest = _stacked(self._so_far(record, place).values - record.y)
+                rest = _stacked(self._so_far(record, place) - record.y)
                 dof = max(1, rest.size - record.solved_inside - place.x.size)
                 sigmas[label] = math.sqrt(float(rest @ rest) / dof)
         self.noise: FloatArray | None = np.array([sigmas[label] for label in labels])
@@ -139,7 +137,6 @@ class RecordingCandidates:
 
     def _of_one_spacing(self, choices: Sequence[DriveChoice], place: Place) -> list[Rows]:
         """Recordings of one trace and spacing, of which the longest is simulated."""
-        parameters, n = self.data.bound.parameters, place.x.size
         requested = max((recording_of(c) for c in choices), key=lambda r: r.samples)
         old = self.like.record(requested.trace)
         index = np.arange(requested.samples)
@@ -152,50 +149,32 @@ class RecordingCandidates:
             label=f"next {requested.trace} at {requested.spacing_s!r} s",
         )
         values = self._expected(old, record, place)
-        parts = [_beginning(record, values, recording_of(c).samples) for c in choices]
+        parts: list[TimeRecord | None] = []
+        for choice in choices:
+            count = recording_of(choice).samples
+            try:
+                parts.append(replace(record, time_s=record.t[:count], values=values[:count]))
+            except BadInput:  # a fit would refuse it
+                parts.append(None)
         longest = max((p for p in parts if p is not None), key=lambda p: p.y.size, default=None)
-        nothing = np.zeros((1, 1, 0))
-        none = Rows(
-            values=np.zeros((1, 1)),
-            by_x=np.zeros((1, 1, n)),
-            shared=np.zeros((1, 1, 1)),
-            inside=nothing,
-            errors=nothing,
-        )
-        if longest is None:
-            return [none] * len(choices)
-        around = central(place.x, self.steps, *search_bounds(parameters))
-        table = np.array([to_model(parameters, x) for x in (place.x, *around.nodes)])
-        here, *nodes = self._predicted(longest, place, table)
-        by_x = _stacked(around.quotients([node.values for node in nodes]))
-        design, size = _design(here), longest.y.size
-        made = []
-        for part in parts:
-            if part is None:
-                made.append(none)
-                continue
-            count = part.y.size
-            halves = [slice(k, k + count) for k in range(0, len(design), size)]
-            own = np.concatenate([design[half] for half in halves])
-            slopes = np.concatenate([by_x[half] for half in halves])
-            made.append(
-                Rows(
-                    values=np.abs(values[:count])[None],
-                    by_x=slopes[None],
-                    shared=np.zeros((1, len(slopes), 1)),
-                    inside=own[None],
-                    errors=np.zeros((1, len(slopes), 0)),
-                )
+        around = self.data.around(place)
+        by_x: Values = np.zeros((1, place.x.size))
+        inside: Values = np.zeros((1, 0))
+        if longest is not None:
+            table = self.data.parameters([place.x, *around.nodes])
+            here, *nodes = self._predicted(longest, place, table)
+            by_x, inside = around.quotients([node.values for node in nodes]), _design(here)
+        sizes = [0 if part is None else part.y.size for part in parts]
+        return [
+            Rows(
+                values=values[None, :n] if n else np.zeros((1, 1)),
+                by_x=by_x[None, :n] if n else np.zeros((1, 1, place.x.size)),
+                shared=np.zeros((1, n or 1, 1)),
+                inside=inside[None, :n] if n else np.zeros((1, 1, 0)),
+                errors=np.zeros((1, n or 1, 0)),
             )
-        return made
-
-    def _so_far(self, record: TimeRecord, place: Place) -> Prediction:
-        """A trace so far as the model has it at a place."""
-        model, p = self.data.model(place.alternative), self._at(place)
-        return self._prediction(record, model, p[np.newaxis])[0]
-
-    def _at(self, place: Place) -> FloatArray:
-        return np.asarray(to_model(self.data.bound.parameters, place.x))
+            for n in sizes
+        ]
 
     def _prediction(
         self, record: TimeRecord, model: DrivenModel, table: FloatArray
@@ -203,6 +182,11 @@ class RecordingCandidates:
         batch = Batch()
         task = self.like.kind.of_records((record,)).predict(model, table, batch)
         return answered(task, batch, self.data.workers)
+
+    def _so_far(self, record: TimeRecord, place: Place) -> Values:
+        """A trace so far as the model has it at a place."""
+        model = self.data.model(place.alternative)
+        return self._prediction(record, model, self.data.parameters([place.x]))[0].values
 
     def _predicted(self, record: TimeRecord, place: Place, table: FloatArray) -> list[Prediction]:
         """Predictions by the communication step of a recording, which is planned once."""
@@ -217,7 +201,7 @@ class RecordingCandidates:
 
     def _expected(self, old: TimeRecord, record: TimeRecord, place: Place) -> Values:
         """Values (n,) of a recording that begins as the trace so far did."""
-        [new] = self._predicted(record, place, self._at(place)[np.newaxis])
+        [new] = self._predicted(record, place, self.data.parameters([place.x]))
         design = _design(new)
         if not design.shape[1]:
             return new.values
@@ -229,9 +213,8 @@ class RecordingCandidates:
                 f"'{old.label}', {old.spacing_s:.9g} s apart; wanted spacings that are multiples "
                 "or parts of these, and a longer recording"
             )
-        measured, size = self._so_far(old, place).values, record.y.size
-        wanted = _stacked(measured[theirs] - new.values[mine])
-        columns = design[mine if len(design) == size else np.append(mine, size + mine)]
+        measured = self._so_far(old, place)
+        columns, wanted = _stacked(design[mine]), _stacked(measured[theirs] - new.values[mine])
         c, *_, singular = lstsq(columns, wanted)
         off = float(np.max(np.abs(columns @ c - wanted)))
         if singular[-1] < ALIKE * singular[0] or off > OFF * float(np.max(np.abs(measured))):
@@ -240,31 +223,23 @@ class RecordingCandidates:
                 f"common with '{old.label}' do not determine how it begins; wanted a spacing that "
                 "is nearer to that one's, a multiple or a part of it"
             )
-        more = design @ c
-        if len(design) > size:
-            more = more[:size] + 1j * more[size:]
-        return np.asarray(new.values + more)
-
-
-def _beginning(record: TimeRecord, values: Values, count: int) -> TimeRecord | None:
-    """The first samples of a recording with their values; None where a fit would refuse them."""
-    try:
-        return replace(record, time_s=record.t[:count], values=values[:count])
-    except BadInput:
-        return None
+        return np.asarray(new.values + design @ c)
 
 
 def _stacked(values: Values) -> FloatArray:
     """Real values as they are, of complex ones all real parts, then all imaginary ones."""
-    both = np.concatenate([values.real, values.imag])
-    return np.asarray(both if np.iscomplexobj(values) else values.real, dtype=float)
+    flat = np.concatenate([values.real, values.imag]) if np.iscomplexobj(values) else values.real
+    return np.asarray(flat, dtype=float)
 
 
-def _design(prediction: Prediction) -> FloatArray:
+def _design(prediction: Prediction) -> Values:
     """Columns of what is solved inside one recording that contain information, of length one."""
     design = prediction.solved[0].design
     sizes = np.linalg.norm(design, axis=0)
-    return np.asarray(design[:, sizes > 0.0] / sizes[sizes > 0.0])
+    columns = np.asarray(design[:, sizes > 0.0] / sizes[sizes > 0.0])
+    n = prediction.values.size  # of complex values all real parts, then all imaginary ones
+    is_complex = np.iscomplexobj(prediction.values)
+    return np.asarray(columns[:n] + 1j * columns[n:]) if is_complex else columns
 
 
 def _in_common(old: TimeRecord, new: TimeRecord, where: str) -> tuple[IntArray, IntArray]:

@@ -21,7 +21,7 @@ from fitting.design.continued import SWEEPS, Continued, required
 from fitting.design.information import Place, Rows, Series
 from fitting.design.limits import Limits, combinations
 from fitting.design.result import DriveChoice
-from fitting.extension.problem import central, planning_points, search_bounds, to_model
+from fitting.extension.problem import planning_points
 from fitting.extension.records import BoundCampaign, Prediction
 from fitting.measurements.complex.sweep import DELAY, ComplexSweep
 from fitting.measurements.control.sweep import ControlSweep
@@ -93,14 +93,12 @@ class SweepCandidates:
     Args:
         data: the campaign that is to be continued.
         limits: of the instrument, with sweeps.
-        steps: difference steps in x, shape (n,).
     """
 
     linear, noise = True, None
 
-    def __init__(self, data: Series, limits: Limits, steps: FloatArray) -> None:
-        self.data, self.steps = data, steps
-        self.like = required(data.bound, SWEEPS)
+    def __init__(self, data: Series, limits: Limits) -> None:
+        self.data, self.like = data, required(data.bound, SWEEPS)
         self.choices = sweep_choices(data.bound, limits)
         self.frequency_hz = frequencies_hz(self.choices[0])
         # few runs for each sweep where the FMU is linear
@@ -114,9 +112,8 @@ class SweepCandidates:
 
     def rows(self, place: Place) -> list[Rows]:
         """All sweeps at a place."""
-        parameters = self.data.bound.parameters
-        around = central(place.x, self.steps, *search_bounds(parameters))
-        table = np.array([to_model(parameters, x) for x in (place.x, *around.nodes)])
+        around = self.data.around(place)
+        table = self.data.parameters([place.x, *around.nodes])
         model, batch = replace(self.data.model(place.alternative), plan=self.plan), Batch()
         curves = [ResponseCurve(model, c.settings, c.output) for c in self.choices]
         task = together([curve.predict(table, self.frequency_hz, batch) for curve in curves])

@@ -15,7 +15,7 @@ from fitting.campaign import Experiment
 from fitting.design.information import SHIFT, Place, Rows, Series
 from fitting.design.limits import Limits, combinations
 from fitting.design.result import DriveChoice
-from fitting.extension.problem import Point, central, evaluate_many, search_bounds
+from fitting.extension.problem import Point, evaluate_many
 from fitting.extension.records import BoundCampaign
 from fitting.measurements.tones import Tones
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
@@ -116,13 +116,12 @@ class ToneCandidates:
         data: the campaign that is to be continued.
         limits: of the instrument.
         place: where proportionality is tested.
-        steps: difference steps in x, shape (n,).
     """
 
     noise: FloatArray | None = None
 
-    def __init__(self, data: Series, limits: Limits, place: Place, steps: FloatArray) -> None:
-        self.data, self.limits, self.steps = data, limits, steps
+    def __init__(self, data: Series, limits: Limits, place: Place) -> None:
+        self.data, self.limits = data, limits
         self.choices = tone_choices(data.bound, limits)
         self.linear = len(limits.levels) == 1
         low, high = limits.levels[0], limits.levels[-1]
@@ -142,7 +141,7 @@ class ToneCandidates:
         sweep = None if bound.sweep is None else replace(bound.sweep, use="scale")
         experiments = tuple(self._experiment(c, f"setup {i + 1}") for i, c in enumerate(choices))
         made = replace(bound, experiments=experiments, sweep=sweep, measurements={})
-        return Series(made, self.data.workers)
+        return Series(made, self.data.workers, steps=self.data.steps)
 
     def rows(self, place: Place) -> list[Rows]:
         """All choices at a place."""
@@ -164,13 +163,12 @@ class ToneCandidates:
 
     def rows_of(self, series: Series, place: Place) -> Rows:
         """The experiments of a series at a place."""
-        objective = series.objective(place.alternative, self.steps)
-        around = central(place.x, self.steps, *search_bounds(series.bound.parameters))
-        points = evaluate_many(objective, [place.x, *around.nodes])
+        around = series.around(place)
+        points = evaluate_many(series.objective(place.alternative), [place.x, *around.nodes])
         here, *nodes = [self._lines(series, point) for point in points]
         errors: list[Any] = []
         for name, sigma in self.limits.setting_sigmas.items():
-            ends = series.moved(objective, place, name, SHIFT * sigma)
+            ends = series.moved(place, name, SHIFT * sigma)
             above, below = (self._lines(series, point) for point in ends)
             errors.append((above - below) / (2.0 * SHIFT))
         nothing: FloatArray | ComplexArray = np.zeros((*here.shape, 0))
@@ -184,7 +182,7 @@ class ToneCandidates:
         )
 
     def _at(self, series: Series, place: Place) -> FloatArray | ComplexArray:
-        [point] = evaluate_many(series.objective(place.alternative, self.steps), [place.x])
+        [point] = evaluate_many(series.objective(place.alternative), [place.x])
         return self._lines(series, point)
 
     def _lines(self, series: Series, point: Point) -> FloatArray | ComplexArray:

@@ -16,9 +16,16 @@ import numpy as np
 
 from fitting.design.choice import DesignProblem, choose, target_sigmas
 from fitting.design.continued import SWEEPS, required
-from fitting.design.information import Place, Series, prior_sigmas_in_box
+from fitting.design.information import (
+    Place,
+    Series,
+    StartFit,
+    equal_fits,
+    prior_sigmas_in_box,
+    spread_out,
+    start_fit,
+)
 from fitting.design.limits import Limits
-from fitting.design.points import StartFit, equal_fits, spread_out, start_fit
 from fitting.design.recordings import RecordingCandidates
 from fitting.design.result import DriveChoice, Expected
 from fitting.design.sweeps import ANY_PHASE, SweepCandidates, shared_sigmas
@@ -220,8 +227,8 @@ def weigh(
         hint = did_you_mean(goal.target, names)
         raise BadInput(f"{bound.path}: target '{goal.target}' is neither fitted nor derived{hint}")
     refined = any(way.sweeps is not None or way.traces is not None for way in ways)
-    data, *others = (_series(each, bound, workers, refined) for each in bounds)
-    series = (data, *others)
+    data = Series(bound, workers, refined=refined)
+    series = (data, *(_alike(each, data) for each in bounds[1:]))
     prior = prior_sigmas_in_box(parameters)
     errors = {name: sigma for way in ways for name, sigma in way.setting_sigmas.items()}
     progress("points of equal fit")
@@ -265,26 +272,27 @@ def weigh(
     )
 
 
-def _series(bound: BoundCampaign, first: BoundCampaign, workers: Workers, refined: bool) -> Series:
-    """A campaign's data, in the search vector of the first."""
-    names, wanted = ({p.name for p in b.parameters} for b in (bound, first))
+def _alike(other: BoundCampaign, data: Series) -> Series:
+    """Another campaign's data, in the search vector of the first and with its steps."""
+    bound = data.bound
+    names, wanted = ({p.name for p in b.parameters} for b in (other, bound))
     if names != wanted:
         raise BadInput(
-            f"{bound.path}: fits {', '.join(sorted(names))}, but {first.path} fits "
+            f"{other.path}: fits {', '.join(sorted(names))}, but {bound.path} fits "
             f"{', '.join(sorted(wanted))}; wanted the same parameters"
         )
-    same = replace(bound, parameters=first.parameters, alternatives=first.alternatives)
-    return Series(same, workers, refined=refined)
+    same = replace(other, parameters=bound.parameters, alternatives=bound.alternatives)
+    return Series(same, data.workers, refined=data.refined, steps=data.steps)
 
 
 def _information_at(
     series: Sequence[Series], place: Place, errors: Mapping[str, float]
 ) -> FloatArray:
     """Information (n + 1, n + 1) of all data at a place; only the first shares its scale."""
-    steps, (first, *others) = series[0].steps(), series
-    total = np.array(first.linearised(place, steps, errors).information)
+    first, *others = series
+    total = np.array(first.linearised(place, errors).information)
     for other in others:
-        rows = other.linearised(place, steps, errors)
+        rows = other.linearised(place, errors)
         covariance = rows.covariance.beside(other.scale_sigma * rows.columns[:, -1])
         total[:-1, :-1] += information(rows.columns[:, :-1], covariance)
     return total
@@ -361,14 +369,14 @@ def _weighed(
     They are added to `nothing`, a problem without candidates, whose variables have the standard
     deviations `unit`; `own` are the places of what the new measurements have in common.
     """
-    steps, place = data.steps(), known.places[0]
+    place = known.places[0]
     made: ToneCandidates | SweepCandidates | RecordingCandidates
     if limits.sweeps is not None:
-        made = SweepCandidates(data, limits, steps)
+        made = SweepCandidates(data, limits)
     elif limits.traces is not None:
-        made = RecordingCandidates(data, limits, place, steps)
+        made = RecordingCandidates(data, limits, place)
     else:
-        made = ToneCandidates(data, limits, place, steps)
+        made = ToneCandidates(data, limits, place)
     setups, index = made.choices, np.append(np.arange(nothing.shown + 1), own)
     counts = (len(limits.repeats), len(known.places), len(setups))
     gains, shows = np.zeros((*counts, unit.size, unit.size)), np.zeros(counts, dtype=bool)

@@ -17,7 +17,7 @@ from fitting.campaign.parameters import (
 )
 from fitting.engine.threads import one_thread
 from fitting.fit.covariance import RowCovariance
-from fitting.fit.differences import central
+from fitting.fit.differences import Stencil, central
 from fitting.fit.linearisation import (
     SMALLEST_SIGMA,
     Linearisation,
@@ -46,6 +46,7 @@ __all__ = [
     "Point",
     "Result",
     "RowCovariance",
+    "Stencil",
     "Structure",
     "Valued",
     "Values",

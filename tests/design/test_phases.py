@@ -83,7 +83,8 @@ def test_rows_and_information_of_setups_with_phases(
     count = len(bound.parameters)
     x = to_search(bound.parameters, np.append(TRUTH, np.zeros(count - 3)))
     place = Place({"reflection": False}, x)
-    made = ToneCandidates(Series(bound, workers), limits, place, np.full(count, 1e-4))
+    series = Series(bound, workers, steps=np.full(count, 1e-4))
+    made = ToneCandidates(series, limits, place)
     [rows] = made.rows(place)
     setups, picked = made.choices[::7], slice(None, None, 7)
     eta = made.series_of(setups).bound.experiments[0].settings
@@ -131,10 +132,10 @@ def test_information_of_complex_data_is_that_of_their_rows(
     bound: BoundCampaign, workers: FmuWorkers
 ) -> None:
     """Two rows for each value; the reference phase, solved inside, is taken out of them."""
-    series = Series(bound, workers)
     count = len(bound.parameters)
+    series = Series(bound, workers, steps=np.full(count, 1e-4))
     x = to_search(bound.parameters, np.append(TRUTH, np.zeros(count - 3)))
-    rows = series.linearised(Place({"reflection": False}, x), np.full(count, 1e-4), {})
+    rows = series.linearised(Place({"reflection": False}, x), {})
     columns = rows.columns
     assert columns.shape == (20, count + 1)
     assert rows.covariance.row_sigma == pytest.approx(0.01, rel=1e-6)

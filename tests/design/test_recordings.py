@@ -164,7 +164,7 @@ def rows_at(
     references = np.array([q.reference for q in bound.parameters])
     at = np.zeros(2) if x is None else (x - references) / scales
     place = Place(bound.alternatives[0], at)
-    made = RecordingCandidates(series, limits, place, series.steps())
+    made = RecordingCandidates(series, limits, place)
     sigma = np.full((1, 1), SIGMA)
     found = np.concatenate([rows.information(sigma) for rows in made.rows(place)])
     assert np.all(found[:, -1] == 0.0)

@@ -143,7 +143,7 @@ def test_derivatives_of_setups(bound: BoundCampaign, workers: FmuWorkers, limits
     """By parameters and by what drifts, against the closed form at another step."""
     place = Place(bound.alternatives[0], to_search(bound.parameters, TRUTH))
     errors = replace(limits, setting_sigmas={"eta_plus": 5.0})
-    made = ToneCandidates(Series(bound, workers), errors, place, np.full(3, 1e-4))
+    made = ToneCandidates(Series(bound, workers, steps=np.full(3, 1e-4)), errors, place)
     setups = made.choices
     [rows] = made.rows(place)
     by_x = (rows.by_x / rows.values[..., None]).reshape(-1, 3)

@@ -62,13 +62,13 @@ class Laboratory:
         self.bound: BoundCampaign = bounds[0]
         # references come from a series' own sweep: one search vector for both
         bounds = [replace(bound, parameters=self.bound.parameters) for bound in bounds]
-        self.series = [Series(bound, workers) for bound in bounds]
-        self.steps = np.full(len(self.bound.parameters), 1e-5)
+        steps = np.full(len(self.bound.parameters), 1e-5)
+        self.series = [Series(bound, workers, steps=steps) for bound in bounds]
         self.prior = prior_sigmas_in_box(self.bound.parameters)
 
     def covariance(self, place: Place, errors: dict[str, float]) -> FloatArray:
         """V of all rows: both series', and the error of the scale that they share."""
-        blocks = [dense(s.linearised(place, self.steps, errors).covariance) for s in self.series]
+        blocks = [dense(s.linearised(place, errors).covariance) for s in self.series]
         m, n = len(blocks[0]), len(blocks[1])
         whole = np.zeros((m + n, m + n))
         whole[:m, :m], whole[m:, m:] = blocks
@@ -78,7 +78,7 @@ class Laboratory:
         """Residuals and their Jacobian in x of both series."""
         found = []
         for series in self.series:
-            objective = series.objective(place.alternative, self.steps)
+            objective = series.objective(place.alternative)
             around = stencil(objective, place.x)
             here, *nodes = evaluate_many(objective, [place.x, *around.nodes])
             found.append((here.residuals, jacobian_of(around, nodes)))
