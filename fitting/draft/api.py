@@ -10,7 +10,14 @@ from pathlib import Path
 
 from fitting import Fmu
 from fitting.draft.control import map_draft
-from fitting.draft.demodulated import DemodulatedFile, demodulated_draft, demodulated_of, modes_of
+from fitting.draft.decays import (
+    DemodulatedFile,
+    decaying,
+    decays_draft,
+    demodulated_draft,
+    demodulated_of,
+    lines_of_recording,
+)
 from fitting.draft.document import Draft
 from fitting.draft.files import files_of, settled
 from fitting.draft.model import ONE_MODE, TWO_MODES, Offer, offer_of
@@ -18,8 +25,9 @@ from fitting.draft.noise import NOISE
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.series import LIST, Series, series_of
 from fitting.draft.sweeps import check_one_line, sweeps_draft
-from fitting.draft.traces import INPUT, OUTPUT, lines_of_recording, recordings_of, traces_draft
+from fitting.draft.traces import INPUT, OUTPUT, recordings_of, requested_columns, traces_draft
 from fitting.lines.names import TIME_PAGE
+from fitting.lines.ringdown import ringdown_of
 from fitting.resonance.reading import Columns
 from fitting.text.errors import BadInput
 from fitting.text.files import write_whole
@@ -108,40 +116,23 @@ def drafted(
         BadInput: see `init`.
         FmuFailure: see `init`.
     """
-    paths, fmu = told_apart(
-        [Path(f) for f in ((files,) if isinstance(files, str | os.PathLike) else files)], fmu
-    )
-    answers = _answers(told or {}, ask)
-    unknown = [key for key in answers.told if key not in KEYS]
-    if unknown:
-        raise BadInput(f"init: found key {unknown[0]!r}, wanted any of {', '.join(KEYS)}")
-    [interface] = answers.told.get("interface", (None,))
+    listed_files = (files,) if isinstance(files, str | os.PathLike) else files
+    paths, fmu = told_apart([Path(file) for file in listed_files], fmu)
+    named = {k: (v,) if isinstance(v, str) else tuple(v) for k, v in (told or {}).items()}
+    for key in named:
+        if key not in KEYS:
+            raise BadInput(f"init: found key {key!r}, wanted any of {', '.join(KEYS)}")
+    answers = Answers(named, ask)
+    for key in (OUTPUT, INPUT):
+        # a column of a recording before the variable that it holds, as "u=F"
+        for name in named.get(key, ())[:1]:
+            column, equals, variable = name.rpartition("=")
+            if equals:
+                named[key], answers.columns[key] = (variable.strip(),), column.strip()
     columns, folder = columns or Columns(), Path(out)
     with results_folder(folder, "init", FILES):
-        demodulated = _demodulated(paths, columns, fmu)
-        recordings = () if demodulated else recordings_of(paths, columns, simulated=fmu is not None)
-        if demodulated or recordings:
-            for key in columns.selection.parts:
-                raise BadInput(
-                    f"--{key.replace('_', '-')}: a campaign of recordings does not choose "
-                    f"it; wanted that part of {paths[0]} in a file of its own"
-                )
-            # as many modes as ringdowns show
-            shown = [*map(modes_of, demodulated)] if fmu is None else []
-            shown += [len(lines_of_recording(each)) for each in recordings if fmu is None]
-            if fmu is None and min(shown) == 0:
-                raise BadInput(
-                    f"{paths[0]}: is a recording over time, and no free decay of one column; "
-                    f"wanted --fmu, the FMU whose output was recorded: {TIME_PAGE}"
-                )
-            recorded = fmu or (ONE_MODE if max(shown) == 1 else TWO_MODES)
-            with _offer(recorded, interface) as offer:
-                if demodulated:
-                    draft = demodulated_draft(demodulated, offer, answers, folder)
-                else:
-                    draft = traces_draft(recordings, offer, answers, folder)
-        else:
-            draft = _of_sweeps(paths, columns, answers, fmu, folder)
+        draft = _of_time(paths, columns, answers, fmu, folder)
+        draft = draft or _of_frequency(paths, columns, answers, fmu, folder)
         path = folder / CAMPAIGN
         write_whole(path, draft.text)
     return path, draft
@@ -170,51 +161,75 @@ def told_apart(
     return measured, fmu
 
 
-def _answers(told: Mapping[str, str | Sequence[str]], ask: Ask | None) -> Answers:
-    """What is told: variables of the FMU, and columns where they stand before them, as "u=F"."""
-    made = Answers({k: _names(v) for k, v in told.items()}, ask)
-    for key in (OUTPUT, INPUT):
-        for name in made.told.get(key, ())[:1]:
-            column, equals, variable = name.rpartition("=")
-            if equals:
-                made.told[key], made.columns[key] = (variable.strip(),), column.strip()
-    return made
+def _of_time(
+    paths: Sequence[Path], columns: Columns, answers: Answers, fmu: str | Path | None, folder: Path
+) -> Draft | None:
+    """A draft of demodulated ringdowns or of recordings over time; None of other files."""
+    demodulated: tuple[DemodulatedFile, ...] = demodulated_of(paths, columns)
+    if demodulated and fmu is not None:
+        # columns that are called like variables of the FMU are a recording of these
+        with Fmu(fmu, 1) as held:
+            known = {name.lower() for name in held.workers.description.variables}
+        names = [name for key, name in demodulated[0].columns.items() if key != "time"]
+        if all(name.rpartition("/")[2].lower() in known for name in names):
+            demodulated = ()
+    recordings = () if demodulated else recordings_of(paths, columns, simulated=fmu is not None)
+    if not (demodulated or recordings):
+        return None
+    for key in columns.selection.parts:
+        raise BadInput(
+            f"--{key.replace('_', '-')}: a campaign of recordings does not choose it; wanted that "
+            f"part of {paths[0]} in a file of its own"
+        )
+    if fmu is None:  # as many modes as ringdowns show
+        shown = [len(decaying(ringdown_of(file.record))) for file in demodulated]
+        shown += [len(lines_of_recording(each)) for each in recordings]
+        if min(shown) == 0:
+            raise BadInput(
+                f"{paths[0]}: is a recording over time, and no free decay of one column; "
+                f"wanted --fmu, the FMU whose output was recorded: {TIME_PAGE}"
+            )
+        fmu = ONE_MODE if max(shown) == 1 else TWO_MODES
+    with _offer(fmu, answers) as offer:
+        if demodulated:
+            return demodulated_draft(demodulated, offer, answers, folder)
+        recordings = tuple(requested_columns(each, answers.columns, offer) for each in recordings)
+        draft = decays_draft(recordings, offer, answers, folder)
+        return draft or traces_draft(recordings, offer, answers, folder)
 
 
-def _of_sweeps(
-    paths: Sequence[Path], columns: Columns, answers: Answers, fmu: str | Path | None, out: Path
+def _of_frequency(
+    paths: Sequence[Path], columns: Columns, answers: Answers, fmu: str | Path | None, folder: Path
 ) -> Draft:
     """A draft of sweeps, spectra, a table of experiments or a map; or of an FMU alone."""
-    [interface] = answers.told.get("interface", (None,))
-    [control] = answers.told.get("control", (None,))
     for key, column in answers.columns.items():
         raise BadInput(
             f"--{key}: found the column '{column}', which a recording over time has; wanted the "
             f"FMU's {key} alone"
         )
-    series = None
+    [control] = answers.told.get("control", (None,))
     if control is not None or NOISE not in answers.told.get("kind", ()):
         joint = fmu is not None and fmu != TWO_MODES
-        series = series_of(paths, columns, control, out, joint=joint)
-    if series is not None:
-        with _listed(series, out), _offer(fmu or TWO_MODES, interface) as offer:
-            draft = map_draft(series.map, offer, answers, out)
-        return replace(draft, said=(series.words, *draft.said))
+        series = series_of(paths, columns, control, folder, joint=joint)
+        if series is not None:
+            with _listed(series, folder), _offer(fmu or TWO_MODES, answers) as offer:
+                draft = map_draft(series.map, offer, answers, folder)
+            return replace(draft, said=(series.words, *draft.said))
     files = settled(files_of(paths, columns, answers), answers)
     if fmu in (None, ONE_MODE):
         check_one_line(files)
     # as many modes as the files show lines, two for a map
     model = ONE_MODE if files.two is None and files.map is None else TWO_MODES
-    with _offer(fmu or model, interface) as offer:
+    with _offer(fmu or model, answers) as offer:
         if files.map is not None:
-            return map_draft(files.map, offer, answers, out)
-        return sweeps_draft(files, offer, answers, out)
+            return map_draft(files.map, offer, answers, folder)
+        return sweeps_draft(files, offer, answers, folder)
 
 
 @contextmanager
-def _listed(series: Series, out: Path) -> Iterator[None]:
+def _listed(series: Series, folder: Path) -> Iterator[None]:
     """The list of a map's files beside the campaign; as it was where no campaign comes of it."""
-    path = out / LIST
+    path = folder / LIST
     before = path.read_bytes() if path.is_file() else None
     write_whole(path, series.text)
     try:
@@ -227,26 +242,10 @@ def _listed(series: Series, out: Path) -> Iterator[None]:
         raise
 
 
-def _demodulated(
-    paths: Sequence[Path], columns: Columns, fmu: str | Path | None
-) -> tuple[DemodulatedFile, ...]:
-    """The files as demodulated ringdowns; none of an FMU that has variables of their names."""
-    files = demodulated_of(paths, columns)
-    if not files or fmu is None:
-        return files
-    with Fmu(fmu, 1) as held:
-        known = {name.lower() for name in held.workers.description.variables}
-    seen = [name for key, name in files[0].columns.items() if key != "time"]
-    return () if all(name.rpartition("/")[2].lower() in known for name in seen) else files
-
-
 @contextmanager
-def _offer(fmu: str | Path, interface: str | None) -> Iterator[Offer]:
+def _offer(fmu: str | Path, answers: Answers) -> Iterator[Offer]:
     """What the FMU offers, with a worker for as long as the context lasts."""
+    [interface] = answers.told.get("interface", (None,))
     with Fmu(fmu, 1, interface=interface) as held:
         is_model = isinstance(fmu, str) and fmu.isidentifier()
         yield offer_of(str(fmu), held.workers, interface, is_model=is_model)
-
-
-def _names(value: str | Sequence[str]) -> tuple[str, ...]:
-    return (value,) if isinstance(value, str) else tuple(value)

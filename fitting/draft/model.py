@@ -22,6 +22,9 @@ UNCOUPLED: Mapping[str, tuple[Scalar, str]] = {
     COUPLING: (0.0, "each line is a mode of its own: they do not determine a coupling"),
     "readout2": (1.0, "the detector sees both modes"),
 }
+#: Why an output is the default, and why a parameter that is not fitted has its value.
+FIRST_OUTPUT = "the first one with continuous values"
+OWN = "the FMU's own start value, not measured"
 #: Names and descriptions of what drives, and of what belongs to the solver or to a pump.
 DRIVES = re.compile(r"\b(drive|drives|driving|tone|excitation|stimulus)\b")
 TONE = re.compile(r"(u|tone|f_?drive|drive_?f|f_?exc\w*|excitation_?f\w*|omega)_?\d*")

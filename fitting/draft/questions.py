@@ -116,6 +116,26 @@ class Answers:
         )
         return answer
 
+    def fitted(
+        self, options: tuple[str, ...], default: tuple[str, ...], why: str
+    ) -> tuple[str, ...]:
+        """The parameters of the FMU that are fitted.
+
+        Args:
+            options: see `Question`.
+            default: see `Question`.
+            why: see `Question`.
+
+        Raises:
+            BadInput: see `of`.
+        """
+        words = "Which parameters of the FMU are fitted?"
+        return self.of(
+            Question(
+                key="fit", words=words, options=options, default=default, why=why, several=True
+            )
+        )
+
     def _checked(
         self, question: Question, answer: Sequence[str], where: str, *, listed_too: bool = True
     ) -> tuple[str, ...]:

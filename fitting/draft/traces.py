@@ -1,17 +1,24 @@
 """A campaign of traces: recordings over time of an output, under an input or none, and an FMU.
 
-Of ringdowns the lines are fitted (`fitting.draft.decays`). Else what is fitted by default is what
-the record shows: parameters whose small change changes the output, each otherwise than those before
-it, by runs of the FMU at its own start values under the recorded input:
+What is fitted by default is what the record shows: parameters whose small change changes the
+output, each otherwise than those before it, by runs of the FMU at its own start values under the
+recorded input:
 
     s_k = d y/d ln p_k,     p_k is taken while |s_k - (its projection on those taken)| > 1 % |s_k|
 
-and while |s_k| is more than 1/1000 of the largest.
+and while |s_k| is more than 1/1000 of the largest. An FMU comes with the values of its author: a
+time constant of one second is no start for a step of milliseconds. Parameters therefore start where
+
+    least over p of  |y - c s(p)|^2,   p_k times 10^(-3), ..., 10^3, in turn
+
+with the best factor c: a time constant shows whatever the gain. Values that c takes up, as a gain,
+then follow with c = 1, where no detector is between.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,17 +27,7 @@ import numpy as np
 
 from fitting.campaign import instruments
 from fitting.campaign.instruments.roles import TIME, usual, usual_frequency
-from fitting.draft.boxes import Box, Shown, decade_box, decay_boxes
-from fitting.draft.closer_start import closer_starts
-from fitting.draft.decays import (
-    OWN,
-    decay_boxes_chosen,
-    decay_start,
-    qualities,
-    ringdown_of,
-    showing,
-    undetermined,
-)
+from fitting.draft.boxes import decade_box
 from fitting.draft.document import (
     Draft,
     draft_from,
@@ -40,14 +37,12 @@ from fitting.draft.document import (
     noted,
     starts_words,
 )
-from fitting.draft.model import Offer
-from fitting.draft.questions import Answers, Question
-from fitting.extension.fmu import Run
+from fitting.draft.model import FIRST_OUTPUT, OWN, Offer
+from fitting.draft.questions import Answers
+from fitting.extension.fmu import FmuVariable, Run
 from fitting.extension.records import Channel, TraceRecord, read_recording
-from fitting.lines.decay_begin import decay_start as first_of_decay
 from fitting.lines.names import TIME_PAGE
-from fitting.measurements.traces.record import FIT, STATES_OF_ONE, UNKNOWN
-from fitting.measurements.traces.time_record import FOUND
+from fitting.measurements.traces.record import FIT
 from fitting.measurements.traces.waveform import HELD, LINEAR
 from fitting.resonance.reading import Columns, with_unit
 from fitting.text.arrays import FloatArray, Scalar
@@ -58,21 +53,26 @@ from fitting.text.units import convert, same_kind
 
 #: Columns that may be told, by what of the FMU they hold.
 OUTPUT, INPUT = "output", "input"
-#: Samples of a record that are looked at, and for what an output shows of a ringdown.
-MOST_SAMPLES, AFTER_PULSE = 4000, 2000
+#: Samples of a record that are looked at.
+MOST_SAMPLES = 4000
 #: Change of a logarithm, and shares of a change below which a parameter has no effect of its own.
 STEP, LEAST_EFFECT, APART = 1e-3, 1e-3, 1e-2
 #: Share of the samples of an input at which it may change and still seem held.
 CHANGES = 0.25
-#: Share of a record behind which its decay begins late.
-LATEST = 0.02
-EARLIER = "earlier samples, of a drive or a blow, are not used"
-SPANS = "a pulse at it spans the states that ring down"
 #: Remarks on how an input moves between samples.
 MOVES = {
     HELD: 'a guess: it stands still and jumps; or "linear" between samples',
     LINEAR: 'a guess: it moves from sample to sample; or "held" from each to the next',
 }
+#: Factors on a value that are tried for a closer start, how often all values are gone through, and
+#: how many are moved at most: each costs a run for every factor and round.
+FACTORS, ROUNDS, MOST_MOVED = tuple(10.0 ** (0.5 * k) for k in range(-6, 7) if k), 2, 6
+#: Share of the squares below which another start is closer; their change below which a value has no
+#: effect on the shape.
+CLOSER, NO_EFFECT = 0.9, 1e-6
+
+#: The output (n,) at start values by name; None where the FMU refuses them.
+Simulated = Callable[[Mapping[str, Scalar]], FloatArray | None]
 
 
 @dataclass(frozen=True)
@@ -81,11 +81,6 @@ class Recording:
 
     table: instruments.Recording
     time: Channel
-
-    @property
-    def path(self) -> Path:
-        """Of the file."""
-        return self.table.path
 
     @property
     def others(self) -> tuple[Channel, ...]:
@@ -98,7 +93,7 @@ class Recording:
         Args:
             most: samples; None: all.
         """
-        factor = convert(1.0, self.time.unit or "s", "s", where=str(self.path))
+        factor = convert(1.0, self.time.unit or "s", "s", where=str(self.table.path))
         return np.asarray(factor * self.table.numbers(self.time)[:most])
 
     def called(self, name: str) -> Channel | None:
@@ -107,7 +102,7 @@ class Recording:
         Args:
             name: of the variable; brackets in it are those of an array, and no unit.
         """
-        matches = [c for c in self.others if _called(c, name)]
+        matches = [c for c in self.others if _is_called(c, name)]
         exact = [c for c in matches if c.name.lower() == name.lower()]
         return exact[0] if exact else matches[0] if len(matches) == 1 else None
 
@@ -124,7 +119,7 @@ class TraceFile(Recording):
     interpolation: str = LINEAR
     further: tuple[Channel, ...] = ()
 
-    def is_silent(self, column: Channel) -> bool:
+    def has_no_unit(self, column: Channel) -> bool:
         """Whether the file has no unit of a column.
 
         Args:
@@ -134,7 +129,7 @@ class TraceFile(Recording):
 
 
 def recordings_of(
-    paths: Sequence[Path], columns: Columns | None = None, *, simulated: bool = False
+    paths: Sequence[Path], columns: Columns, *, simulated: bool
 ) -> tuple[Recording, ...]:
     """The files as recordings over time; none where one of them is something else.
 
@@ -147,7 +142,7 @@ def recordings_of(
     Raises:
         BadInput: no column of the name that is told for the times.
     """
-    columns, matches = columns or Columns(), []
+    matches = []
     for path in paths:
         try:
             table = read_recording(path, selection=columns.selection)
@@ -183,15 +178,24 @@ def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) ->
     return with_unit(named, requested or "s")
 
 
-def lines_of_recording(recording: Recording) -> tuple[Shown, ...]:
-    """The lines of a recording of nothing but one free decay; none of another.
+def requested_columns(recording: Recording, columns: Mapping[str, str], offer: Offer) -> Recording:
+    """Of a recording whose output is told the columns that are told, and those of FMU inputs.
 
     Args:
         recording: over time.
+        columns: names of columns that are told, by what of the FMU they hold.
+        offer: what the FMU offers.
+
+    Raises:
+        BadInput: no column of such a name.
     """
-    if len(recording.others) != 1:
-        return ()
-    return ringdown_of(recording.time_s(), recording.table.numbers(recording.others[0]))
+    if OUTPUT not in columns:
+        return recording
+    table = recording.table
+    kept = {recording.time.name, *(table.column(name).name for name in columns.values())}
+    kept |= {c.name for c in recording.others if any(_is_called(c, n) for n in offer.inputs)}
+    channels = tuple(c for c in table.channels if c.name in kept)
+    return replace(recording, table=replace(table, channels=channels))
 
 
 def traces_draft(
@@ -210,183 +214,117 @@ def traces_draft(
             does not suit, by the campaign's reader.
         FmuFailure: the FMU failed with its own start values.
     """
-    recordings = [_requested_columns(each, answers.columns, offer) for each in recordings]
-    if offer.inputs and offer.outputs and all(len(each.others) == 1 for each in recordings):
-        shown = lines = lines_of_recording(recordings[0])
-        if len(offer.places) == len(offer.widths) == 1 < len(shown):
-            lines = (max(shown, key=lambda line: line.amplitude),)
-        if boxes := decay_boxes(lines, offer):
-            return _ringdowns(recordings, offer, answers, folder, (shown, lines, boxes))
     if not offer.outputs:
         raise BadInput(f"{offer.description.path}: has no continuous Real output, wanted one")
     output = _variable(OUTPUT, recordings[0], offer.outputs, answers)
     driven = ""  # the input that a second column drives
     if offer.inputs and any(len(each.others) != 1 for each in recordings):
         driven = _variable(INPUT, recordings[0], offer.inputs, answers)
-    files = [_file(r, output, driven, offer, answers.columns) for r in recordings]
+    files = [_file(each, output, driven, offer, answers.columns) for each in recordings]
     if all(file.driven is None for file in files):
         driven = ""
-    default, why, alike = _fitted(files[0], offer, output, driven)
-    names = answers.of(
-        Question(
-            key="fit",
-            words="Which parameters of the FMU are fitted?",
-            options=offer.parameters,
-            default=default,
-            why=why,
-            several=True,
-        )
-    )
-    taken = {name: (value, OWN) for name, value in alike.items() if name not in names}
-    closer = _closer(files[0], offer, output, driven, names)
-    made = [decade_box(offer, name, closer.get(name)) for name in names]
-    traces = [_trace(file, offer, output, driven) for file in files]
-    tables = _tables(files, offer, output, traces) | fitted_tables(made)
-    tables["fmu"] = fmu_table(offer, taken, tuple(taken))
-    notes = _described(files, output, driven)
-    if not driven and offer.inputs:
-        notes.append(str(blocks("draft/text").undriven(TIME_PAGE)))
-    return draft_from(tables, offer, folder, (*notes, *answers.said, *starts_words(made)))
-
-
-def _ringdowns(
-    recordings: Sequence[Recording],
-    offer: Offer,
-    answers: Answers,
-    folder: Path,
-    decay: tuple[tuple[Shown, ...], tuple[Shown, ...], tuple[Box, ...]],
-) -> Draft:
-    """A campaign of ringdowns from an unknown state, which a pulse at the input spans."""
-    shown, lines, boxes = decay
-    default, why = offer.outputs[0], "the first one with continuous values"
-    named = [name for name in offer.outputs if recordings[0].called(name) is not None]
-    if named:
-        default, why = named[0], "named like a column"
-    elif len(offer.outputs) > 1 and len(lines) > 1:
-        time_s = recordings[0].time_s(AFTER_PULSE)
-        default = showing(offer, lines, boxes, time_s, str(recordings[0].path))
-        why = "shows both lines after a pulse"
-    words = "Which output of the FMU was recorded?"
-    output = answers.one_of(OUTPUT, words, offer.outputs, default, why)
-    chosen = decay_boxes_chosen(offer, answers, lines, boxes)
-    names = {box.name for box in chosen}
-    files, late = [], False
-    for each in recordings:
-        observed = _in_unit_of(each.others[0], offer.unit(output))
-        files.append(TraceFile(each.table, each.time, observed))
-        values = each.table.numbers(observed)  # of two lines at most
-        starts = [first_of_decay(values, states) for states in (2, 4)]
-        late = late or all(k is not None and k > LATEST * values.size for k in starts)
+    # the first record decides what is fitted, and from where
+    known, first_file = offer.description.variables, files[0]
+    record = _record(first_file, offer, driven)
+    simulated = _simulation(record, offer, output)
+    default, why, alike = _fitted(simulated, offer)
+    names = answers.fitted(offer.parameters, default, why)
+    unit, values = first_file.observed.unit, record.y
+    is_scaled = _is_scaled(first_file, offer, output)
+    if unit and not is_scaled:  # as the campaign reads it: to base units where the FMU has none
+        values = _converted(values, unit, known[output].unit, str(first_file.table.path))
+    closer = _closer_starts(values, simulated, {n: known[n] for n in names}, is_scaled=is_scaled)
+    boxes = [decade_box(offer, name, closer.get(name)) for name in names]
+    taken = {name: (offer.start(name), OWN) for name in alike if name not in names}
     traces = []
     for file in files:
-        made: dict[str, Any] = {
-            "file": file.path,
-            "input": noted(offer.inputs[0], SPANS),
-            "start": noted(UNKNOWN, "solved for: the start of a ringdown is not known"),
-        }
-        if len(lines) > 1:
-            made["states"] = noted(STATES_OF_ONE * len(lines), "two for each mode")
-        if late:
-            made["begin"] = noted(FOUND, EARLIER)
-        traces.append(made | _columns(file, output, ""))
-    start = decay_start(offer, lines, boxes)
-    start = {name: value for name, value in start.items() if name not in names}
-    left = undetermined(offer, lines, boxes)
-    tables = _tables(files, offer, output, traces)
-    tables |= fitted_tables(chosen, qualities(offer, lines))
-    tables["fmu"] = fmu_table(offer, start, [name for name in left if name not in names])
-    notes = _described(files, output, "") + ([str(blocks("draft/text").late())] if late else [])
-    lead = "A ringdown: no column drives, and "
-    notes += str(blocks("draft/text").decay(lead, shown, lines, offer, left)).splitlines()
-    return draft_from(tables, offer, folder, (*notes, *answers.said, *starts_words(chosen)))
-
-
-def _tables(
-    files: Sequence[TraceFile], offer: Offer, output: str, traces: list[dict[str, Any]]
-) -> dict[str, Any]:
-    """Tables of a campaign before those of what is fitted."""
-    return {
-        "title": ", ".join(file.path.stem for file in files),
-        "fmu": fmu_table(offer, {}),
+        made: dict[str, Any] = {"file": file.table.path}
+        if file.driven is not None:
+            how = noted(file.interpolation, MOVES[file.interpolation])
+            made |= {"input": driven, "interpolation": how}
+        if _is_scaled(file, offer, output):
+            words = f"{file.observed.unit} for the FMU's output: in proportion"
+            made["gain"] = noted(FIT, words)
+        if file.further:
+            made["further_inputs"] = [column.name for column in file.further]
+        traces.append(made | trace_columns(file, output, driven))
+    tables = {
+        "title": ", ".join(file.table.path.stem for file in files),
+        "fmu": fmu_table(offer, taken, tuple(taken)),
         "observe": {"output": output},
         "trace": traces,
+        **fitted_tables(boxes),
     }
+    notes = described(files, output, driven)
+    if not driven and offer.inputs:
+        notes.append(str(blocks("draft/text").undriven(TIME_PAGE)))
+    return draft_from(tables, offer, folder, (*notes, *answers.said, *starts_words(boxes)))
 
 
-def _trace(file: TraceFile, offer: Offer, output: str, driven: str) -> dict[str, Any]:
-    """The table of a trace: how its input moves, and whether its detector has a gain."""
-    made: dict[str, Any] = {"file": file.path}
-    if file.driven is not None:
-        how = noted(file.interpolation, MOVES[file.interpolation])
-        made |= {"input": driven, "interpolation": how}
-    if _is_scaled(file, offer, output):
-        words = f"{file.observed.unit} for the FMU's output: in proportion"
-        made["gain"] = noted(FIT, words)
-    if file.further:
-        made["further_inputs"] = [column.name for column in file.further]
-    return made | _columns(file, output, driven)
+def _variable(key: str, recording: Recording, options: tuple[str, ...], answers: Answers) -> str:
+    """The output, or the input, that was recorded: the one that a column is called by."""
+    named = [name for name in options if recording.called(name) is not None]
+    first = FIRST_OUTPUT if key == OUTPUT else "the first one"
+    words = f"Which {key} of the FMU was recorded?"
+    default, why = (named or list(options))[0], "named like a column" if named else first
+    return answers.one_of(key, words, options, default, why)
 
 
-def _columns(file: TraceFile, output: str, driven: str) -> dict[str, Any]:
-    """Names of columns that are not the usual ones, with units where the file has none."""
+def trace_columns(file: TraceFile, output: str, driven: str) -> dict[str, Any]:
+    """Names of columns that are not the usual ones, with units where the file has none.
+
+    Args:
+        file: with its columns.
+        output: of the FMU, that was recorded.
+        driven: input of the FMU, empty: none.
+    """
     named = {"time": (file.time, "time"), "output": (file.observed, output)}
     if file.driven is not None:
         named["input"] = file.driven, driven
     columns = {}
     for key, (column, usual_name) in named.items():
-        name = in_file(column) + (f" ({column.unit})" if file.is_silent(column) else "")
+        name = in_file(column) + (f" ({column.unit})" if file.has_no_unit(column) else "")
         if name != usual_name:
             columns[key] = name
     return {"columns": columns} if columns else {}
+
+
+def described(files: Sequence[TraceFile], output: str, driven: str) -> list[str]:
+    """What files were taken for, in sentences.
+
+    Args:
+        files: with their columns.
+        output: of the FMU, that was recorded.
+        driven: input of the FMU, empty: none.
+    """
+    words, notes = blocks("draft/text"), []
+    for file in files:
+        notes.append(str(words.recording(file, output, driven)))
+        columns = [file.time, file.observed, *([file.driven] if file.driven else []), *file.further]
+        taken = [f"'{c.name}' in {c.unit}" for c in columns if file.has_no_unit(c)]
+        notes += [str(words.assumed(taken))] if taken else []
+    return notes
+
+
+def in_unit_of(channel: Channel, unit: str) -> Channel:
+    """A column in the unit of the FMU's variable where it has none.
+
+    Args:
+        channel: of a file.
+        unit: of the variable.
+    """
+    return channel if channel.unit is not None else replace(channel, unit=unit)
+
+
+def _is_called(channel: Channel, name: str) -> bool:
+    """Whether a column is called like a variable, alone or within a model, as "model.fmu.y"."""
+    return f".{channel.name.lower()}".endswith(f".{name.lower()}")
 
 
 def _is_scaled(file: TraceFile, offer: Offer, output: str) -> bool:
     """Whether a detector is between the output and what was recorded, by their units."""
     unit, observed = offer.description.variables[output].unit, file.observed.unit
     return bool(observed and unit) and not same_kind(observed or "", unit or "")
-
-
-def _described(files: Sequence[TraceFile], output: str, driven: str) -> list[str]:
-    """What files were taken for, in sentences."""
-    words, notes = blocks("draft/text"), []
-    for file in files:
-        notes.append(str(words.recording(file, output, driven)))
-        columns = [file.time, file.observed, *([file.driven] if file.driven else []), *file.further]
-        taken = [f"'{c.name}' in {c.unit}" for c in columns if file.is_silent(c)]
-        notes += [str(words.assumed(taken))] if taken else []
-    return notes
-
-
-def _called(channel: Channel, name: str) -> bool:
-    """Whether a column is called like a variable, alone or within a model, as "model.fmu.y"."""
-    return f".{channel.name.lower()}".endswith(f".{name.lower()}")
-
-
-def _in_unit_of(channel: Channel, unit: str) -> Channel:
-    """A column in the unit of the FMU's variable where it has none."""
-    return channel if channel.unit is not None else replace(channel, unit=unit)
-
-
-def _variable(key: str, recording: Recording, options: tuple[str, ...], answers: Answers) -> str:
-    """The output, or the input, that was recorded: the one that a column is called by."""
-    named = [name for name in options if recording.called(name) is not None]
-    first = "the first one with continuous values" if key == OUTPUT else "the first one"
-    why = "named like a column" if named else first
-    words = f"Which {key} of the FMU was recorded?"
-    return answers.one_of(key, words, options, (named or list(options))[0], why)
-
-
-def _requested_columns(recording: Recording, columns: Mapping[str, str], offer: Offer) -> Recording:
-    """Of a recording whose output is told the columns that are told, and those of FMU inputs."""
-    if OUTPUT not in columns:
-        return recording
-    table = recording.table
-    requested = {table.column(name).name for name in columns.values()}
-    requested |= {
-        c.name for c in recording.others if any(_called(c, name) for name in offer.inputs)
-    }
-    kept = tuple(c for c in table.channels if c.name in {*requested, recording.time.name})
-    return replace(recording, table=replace(table, channels=kept))
 
 
 def _file(
@@ -402,10 +340,9 @@ def _file(
     if driven and INPUT in columns:
         source = table.column(columns[INPUT])
     # columns of the FMU's other variables are what they are called
-    free = [
-        c for c in others if c.name not in [t.name for t in (observed, source) if t is not None]
-    ]
-    free = [c for c in free if not any(_called(c, name) for name in known)]
+    assigned = [c.name for c in (observed, source) if c is not None]
+    free = [c for c in others if c.name not in assigned]
+    free = [c for c in free if not any(_is_called(c, name) for name in known)]
     wants_input = driven != "" and source is None
     if (observed is None and not 1 <= len(free) <= 1 + wants_input) or (
         observed is not None and wants_input and len(free) > 1
@@ -421,7 +358,7 @@ def _file(
     observed = free.pop() if observed is None else observed
     if wants_input and free:
         source = free[0]
-    observed = _in_unit_of(observed, offer.unit(output))
+    observed = in_unit_of(observed, offer.unit(output))
     if source is None:
         return TraceFile(table, recording.time, observed)
     u = table.numbers(source)
@@ -430,28 +367,74 @@ def _file(
         table,
         recording.time,
         observed,
-        _in_unit_of(source, offer.unit(driven)),
+        in_unit_of(source, offer.unit(driven)),
         HELD if changes <= CHANGES else LINEAR,
-        tuple(_in_unit_of(c, offer.unit(c.name)) for c in further),
+        tuple(in_unit_of(c, offer.unit(c.name)) for c in further),
     )
 
 
-def _fitted(
-    file: TraceFile, offer: Offer, output: str, driven: str
-) -> tuple[tuple[str, ...], str, dict[str, float]]:
-    """Parameters that the record shows, each by itself, why; others with their start values."""
-    trace = _record(file, offer, driven)
+def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:
+    """The first samples of a recording, inputs in the units of the FMU."""
+    time_s, path = file.time_s(MOST_SAMPLES), str(file.table.path)
+
+    def driving(column: Channel, name: str) -> tuple[FloatArray, FloatArray]:
+        u = file.table.numbers(column)[:MOST_SAMPLES]
+        if column.unit is not None:
+            u = _converted(u, column.unit, offer.description.variables[name].unit, path)
+        return time_s, u
+
+    return TraceRecord(
+        time_s,
+        file.table.numbers(file.observed)[:MOST_SAMPLES],
+        input=driven if file.driven is not None else "",
+        driven=None if file.driven is None else driving(file.driven, driven),
+        further={column.name: driving(column, column.name) for column in file.further},
+        interpolation=file.interpolation,
+        source=path,
+    )
+
+
+def _converted(values: FloatArray, unit: str, wanted: str | None, where: str) -> FloatArray:
+    zero, one = (convert(x, unit, wanted, where=where) for x in (0.0, 1.0))
+    return np.asarray(zero + (one - zero) * values)
+
+
+def _simulation(trace: TraceRecord, offer: Offer, output: str) -> Simulated:
+    """The output of the FMU under a record as a function of start values."""
+    window = trace.window()
+
+    def simulated(values: Mapping[str, Scalar]) -> FloatArray | None:
+        run = Run(
+            start_values=dict(values),
+            settle_s=window.settle_s,
+            sample_step_s=window.step_s,
+            samples=window.samples,
+            outputs=(output,),
+            input_signal=trace.signal(1),
+        )
+        try:
+            [observed] = offer.workers.run([run])
+        except FmuFailure:
+            return None
+        return np.asarray(observed[:, 0])
+
+    return simulated
+
+
+def _fitted(simulated: Simulated, offer: Offer) -> tuple[tuple[str, ...], str, list[str]]:
+    """Parameters that the record shows, each by itself; why these; those that look like others."""
     names = [n for n in offer.parameters if offer.description.variables[n].start]
-    base = _simulated(trace, offer, output, {})
+    base = simulated({})
     if base is None:  # its own start values do not run
-        return (), "the FMU fails with its own start values under the record", {}
+        return (), "the FMU fails with its own start values under the record", []
     slopes, sizes = {}, {}
     for name in names:
-        y = _simulated(trace, offer, output, {name: (1.0 + STEP) * offer.start(name)})
+        y = simulated({name: (1.0 + STEP) * offer.start(name)})
         if y is not None:
             slopes[name] = y - base
             sizes[name] = float(np.linalg.norm(slopes[name]))
     moved = [n for n in slopes if sizes[n] > LEAST_EFFECT * max(sizes.values())]
+    # Gram and Schmidt, the largest effect first
     taken: list[str] = []
     basis = np.empty((base.size, 0))
     for name in sorted(moved, key=lambda n: -sizes[n]):
@@ -463,69 +446,53 @@ def _fitted(
     alike = [n for n in moved if n not in taken]
     why = "each changes the output otherwise than the others, at the FMU's start values"
     why += f"; not {listed(alike)}, which look like others there" if alike else ""
-    return tuple(n for n in names if n in taken), why, {n: offer.start(n) for n in alike}
+    return tuple(n for n in names if n in taken), why, alike
 
 
-def _closer(
-    file: TraceFile, offer: Offer, output: str, driven: str, names: Sequence[str]
+def _closer_starts(
+    record: FloatArray,
+    simulated: Simulated,
+    variables: Mapping[str, FmuVariable],
+    *,
+    is_scaled: bool,
 ) -> dict[str, float]:
-    """Start values of parameters from which the FMU follows the record closer than from its own."""
-    trace, known = _record(file, offer, driven), offer.description.variables
-    is_scaled, unit, values = _is_scaled(file, offer, output), file.observed.unit, trace.y
-    if unit and not is_scaled:  # as the campaign reads it: to base units where the FMU has none
-        values = _converted(values, unit, known[output].unit, str(file.path))
-    return closer_starts(
-        values,
-        lambda starts: _simulated(trace, offer, output, starts),
-        {n: known[n] for n in names},
-        is_scaled=is_scaled,
-    )
+    """Start values with smaller residuals of a record (n,) than the FMU's own; those that moved.
 
+    With ``is_scaled`` the record has another unit than the output, so that a factor is free.
+    """
+    own = {name: float(v.start or 0.0) for name, v in variables.items() if v.start}
+    at, without_effect = dict(own), list(own)[:MOST_MOVED]
 
-def _converted(values: FloatArray, unit: str, wanted: str | None, where: str) -> FloatArray:
-    zero, one = (convert(x, unit, wanted, where=where) for x in (0.0, 1.0))
-    return np.asarray(zero + (one - zero) * values)
+    def squares(values: Mapping[str, float], *, scaled: bool) -> float:
+        """Sum of squared residuals; infinite outside the ranges that the FMU declares."""
+        for name, value in values.items():
+            low, high = variables[name].min, variables[name].max
+            if (low is not None and value <= low) or (high is not None and value >= high):
+                return math.inf
+        y = simulated(values)
+        if y is None or not np.all(np.isfinite(y)):
+            return math.inf
+        size, factor = float(y @ y), 1.0
+        if scaled:
+            factor = float(y @ record) / size if size > 0.0 else 0.0
+        return float(np.sum((record - factor * y) ** 2))
 
+    def move(name: str, *, scaled: bool) -> bool:
+        """Move one value to where the squares are least; whether it has any effect on them."""
+        values = [at[name], *(at[name] * factor for factor in FACTORS)]
+        sizes = [squares({**at, name: value}, scaled=scaled) for value in values]
+        finite = [size for size in sizes if math.isfinite(size)]
+        if finite and min(sizes) < CLOSER * sizes[0]:
+            at[name] = values[int(np.argmin(sizes))]
+        return bool(finite) and max(finite) - min(finite) > NO_EFFECT * max(finite)
 
-def _record(file: TraceFile, offer: Offer, driven: str) -> TraceRecord:
-    """The first samples of a recording, inputs in the units of the FMU."""
-    time_s = file.time_s(MOST_SAMPLES)
-
-    def driving(column: Channel, name: str) -> tuple[FloatArray, FloatArray]:
-        u, wanted = (
-            file.table.numbers(column)[:MOST_SAMPLES],
-            offer.description.variables[name].unit,
-        )
-        if column.unit is not None:
-            u = _converted(u, column.unit, wanted, str(file.path))
-        return time_s, u
-
-    return TraceRecord(
-        time_s,
-        file.table.numbers(file.observed)[:MOST_SAMPLES],
-        input=driven if file.driven is not None else "",
-        driven=None if file.driven is None else driving(file.driven, driven),
-        further={column.name: driving(column, column.name) for column in file.further},
-        interpolation=file.interpolation,
-        source=str(file.path),
-    )
-
-
-def _simulated(
-    trace: TraceRecord, offer: Offer, output: str, values: Mapping[str, Scalar]
-) -> FloatArray | None:
-    """The output at start values; None where the FMU refuses them."""
-    window = trace.window()
-    run = Run(
-        start_values=dict(values),
-        settle_s=window.settle_s,
-        sample_step_s=window.step_s,
-        samples=window.samples,
-        outputs=(output,),
-        input_signal=trace.signal(1),
-    )
-    try:
-        [observed] = offer.workers.run([run])
-    except FmuFailure:
-        return None
-    return np.asarray(observed[:, 0])
+    for _ in range(ROUNDS):
+        for name in list(own)[:MOST_MOVED]:
+            if move(name, scaled=True) and name in without_effect:
+                without_effect.remove(name)
+    if not is_scaled:
+        for name in without_effect:
+            move(name, scaled=False)
+    if not squares(at, scaled=is_scaled) < CLOSER * squares(own, scaled=is_scaled):
+        return {}
+    return {name: value for name, value in at.items() if value != own[name]}
