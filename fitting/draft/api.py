@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from fitting import Fmu
-from fitting.draft.control import map_draft
 from fitting.draft.decays import (
     DemodulatedFile,
     decaying,
@@ -20,10 +19,10 @@ from fitting.draft.decays import (
 )
 from fitting.draft.document import Draft
 from fitting.draft.files import files_of, settled
+from fitting.draft.maps import LIST, Series, map_draft, series_of
 from fitting.draft.model import ONE_MODE, TWO_MODES, Offer, offer_of
 from fitting.draft.noise import NOISE
 from fitting.draft.questions import Answers, Ask, Question
-from fitting.draft.series import LIST, Series, series_of
 from fitting.draft.sweeps import check_one_line, sweeps_draft
 from fitting.draft.traces import INPUT, OUTPUT, recordings_of, requested_columns, traces_draft
 from fitting.lines.names import TIME_PAGE

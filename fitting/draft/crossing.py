@@ -53,8 +53,8 @@ class Crossing:
         gap_hz: between both lines where they come closest.
         place: of the control there, None: beyond what was measured.
         left: root mean square of what is left, over the largest amplitude of each spectrum.
-        one_left: the same, where mode 1 alone is fitted.
-        rows: number of amplitudes.
+        is_observed: whether a second mode is there at all, by the extra sum of squares
+            (N. Draper and H. Smith, Applied Regression Analysis).
     """
 
     tuned: int
@@ -65,17 +65,7 @@ class Crossing:
     gap_hz: float
     place: float | None
     left: float
-    one_left: float
-    rows: int
-
-    @property
-    def is_observed(self) -> bool:
-        """Whether a second mode is there at all.
-
-        Source: the extra sum of squares (N. Draper and H. Smith, Applied Regression Analysis).
-        """
-        two, one = self.left**2, self.one_left**2
-        return two < SECOND * one and self.rows * (one - two) > 3.0 * BEYOND_NOISE * two
+    is_observed: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,16 +91,11 @@ class Spectra:
         """The control from -1 to 1, (spectra,)."""
         return np.asarray((self.control - self.middle) / self.half)
 
-    def determines(self, power: int) -> bool:
-        """Whether there are values of the control enough to determine a power of it."""
-        return int(np.unique(self.control).size) > power + 1
-
     @cached_property
     def range_hz(self) -> tuple[float, float]:
         """First and last frequency of all."""
-        return min(float(f[0]) for f in self.frequency_hz), max(
-            float(f[-1]) for f in self.frequency_hz
-        )
+        first, last = ([float(f[end]) for f in self.frequency_hz] for end in (0, -1))
+        return min(first), max(last)
 
     @cached_property
     def ridge_hz(self) -> FloatArray:
@@ -121,10 +106,10 @@ class Spectra:
     @cached_property
     def width_hz(self) -> float:
         """A typical width of a line, and no less than the points are apart."""
-        pairs = list(zip(self.frequency_hz, self.amplitude, strict=True))
-        best = [half_power_width(f, a) for f, a in pairs]
+        pairs = zip(self.frequency_hz, self.amplitude, strict=True)
+        widths = [half_power_width(f, a) for f, a in pairs]
         apart = float(np.median(np.concatenate([np.diff(f) for f in self.frequency_hz])))
-        observed = [width for width in best if width > 0.0 and math.isfinite(width)]
+        observed = [width for width in widths if width > 0.0 and math.isfinite(width)]
         return max(float(np.median(observed)) if observed else 0.0, apart)
 
     def some(self) -> Spectra:
@@ -147,27 +132,23 @@ def crossing_of(spectra: Spectra) -> Crossing:
     Args:
         spectra: of the map, three or more.
     """
-    few = spectra.some()
-    best = min((_refined(few, tuned) for tuned in (1, 2)), key=lambda each: each[1])
-    model, squares, values = best
-    straight = _Model(few, model.tuned, 1)
-    linear = straight.fitted(np.delete(values, 2))
-    if linear[1] * BENT <= squares:
-        (values, squares), model = linear, straight
-    model, values, squares = _both_follow(model, values, squares)
-    lone = _Model(few, 1, 2, alone=True)
-    one = min(lone.fitted(start)[1] for start in lone.lone_starts())
-    return model.crossing(values, squares, one)
-
-
-def _both_follow(
-    model: _Model, values: FloatArray, squares: float
-) -> tuple[_Model, FloatArray, float]:
-    """The same with a law of the other mode, as long as one more power of it is worth it."""
+    few, fits = spectra.some(), []
+    # either mode may follow the control, by a law with a square
+    for tuned in (1, 2):
+        model = _Model(few, tuned, 2)
+        starts = sorted(model.starts(), key=model.squares)[:REFINED]
+        fits.append((model, *min(map(model.fitted, starts), key=lambda each: each[1])))
+    model, values, squares = min(fits, key=lambda each: each[2])
+    # the square goes where a straight law leaves hardly more
+    straight = replace(model, degree=1)
+    fewer, left = straight.fitted(np.delete(values, 2))
+    if left * BENT <= squares:
+        model, values, squares = straight, fewer, left
+    # the other mode follows, too, as long as one more power of its law is worth it
     rows = model.rows(values).size
     for other in range(1, MOST_POWERS + 1):
-        if not model.spectra.determines(other):
-            break
+        if np.unique(few.control).size <= other + 1:
+            break  # too few values of the control to determine that power
         further = replace(model, other=other)
         at = model.degree + 1 + other
         slopes = (0.0,) if other > 1 else (0.0, *(t * values[1] for t in OTHER_SLOPES))
@@ -176,14 +157,8 @@ def _both_follow(
         if rows * (squares - left) < 3.0 * BEYOND_NOISE * left:
             break
         model, values, squares = further, best, left
-    return model, values, squares
-
-
-def _refined(spectra: Spectra, tuned: int) -> tuple[_Model, float, FloatArray]:
-    model = _Model(spectra, tuned, 2)
-    tried = sorted(model.starts(), key=model.squares)[:REFINED]
-    values, squares = min((model.fitted(start) for start in tried), key=lambda each: each[1])
-    return model, squares, values
+    lone = _Model(few, 1, 2, alone=True)
+    return model.crossing(values, squares, min(lone.fitted(start)[1] for start in lone.starts()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +167,7 @@ class _Model:
 
     They are, in spans of the frequencies from their middle, the coefficients of the tuned mode
     (degree + 1) and of the other one (other + 1); logarithms of gap and both widths, in line
-    widths.
+    widths. With ``alone`` there is no coupling: mode 1 is all that shows.
     """
 
     spectra: Spectra
@@ -219,17 +194,17 @@ class _Model:
         u, x = np.concatenate(s.frequency_hz), np.repeat(s.x, counts)
         return u, np.concatenate(sizes), x, np.cumsum(counts) - counts, counts
 
+    def laws(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Coefficients of the tuned mode and of the other one."""
+        return values[: self.degree + 1], values[self.degree + 1 : self.degree + self.other + 2]
+
     def places_hz(self, values: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Frequencies of modes 1 and 2 at the control x, without coupling."""
         one, two = (
             np.asarray(self.middle_hz + self.span_hz * polyval(x, law), dtype=float)
-            for law in self._both(values)
+            for law in self.laws(values)
         )
         return (one, two) if self.tuned == 1 else (two, one)
-
-    def _both(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coefficients of the tuned mode and of the other one."""
-        return values[: self.degree + 1], values[self.degree + 1 : self.degree + self.other + 2]
 
     def sizes_hz(self, values: FloatArray) -> tuple[float, float, float]:
         """Gap at the crossing and widths of modes 1 and 2."""
@@ -237,18 +212,13 @@ class _Model:
         gap, one, two = (unit * math.exp(min(float(v), LARGEST)) for v in values[-3:])
         return (0.0 if self.alone else gap), one, two
 
-    def response(self, values: FloatArray, u: FloatArray, x: FloatArray) -> ComplexArray:
-        """q1 (n,) at frequencies (n,), Hz, and the control x (n,)."""
-        f1, f2 = self.places_hz(values, x)
-        gap, d1, d2 = self.sizes_hz(values)
-        one = (f1 - u) * (f1 + u) + 1j * u * d1
-        two = (f2 - u) * (f2 + u) + 1j * u * d2
-        return np.asarray(1.0 / (one - (gap * self.middle_hz) ** 2 / two))
-
     def rows(self, values: FloatArray) -> FloatArray:
         """What is left of all amplitudes, under a scale of each spectrum."""
         u, measured, x, starts, counts = self._flat
-        made = np.abs(self.response(values, u, x)) * self.middle_hz * self.spectra.width_hz
+        gap, *widths = self.sizes_hz(values)
+        square = (gap * self.middle_hz) ** 2
+        made = np.abs(_response(u, self.places_hz(values, x), widths, square))
+        made = made * self.middle_hz * self.spectra.width_hz
         power = np.add.reduceat(made**2, starts)
         scale = np.add.reduceat(made * measured, starts) / np.maximum(power, 1e-300)
         return np.asarray(np.repeat(scale, counts) * made - measured)
@@ -261,85 +231,72 @@ class _Model:
         """Values of the least sum of squares from a start, and that sum."""
         return minimise_squares(self.rows, start, rounds=ROUNDS, gain=1e-9)
 
-    def _ridges(self) -> list[FloatArray]:
-        """Coefficients (3,) of lines and parabolas along the ridge."""
-        x, f = self.spectra.x, (self.spectra.ridge_hz - self.middle_hz) / self.span_hz
+    def starts(self) -> Iterator[FloatArray]:
+        """Where a fit may begin, the tuned mode with a law of a square."""
+        # lines and parabolas along the ridge
+        s = self.spectra
+        x, f = s.x, (s.ridge_hz - self.middle_hz) / self.span_hz
         pairs = [(i, j) for i, j in itertools.combinations(range(x.size), 2) if x[i] != x[j]]
         slope = float(np.median([(f[j] - f[i]) / (x[j] - x[i]) for i, j in pairs]))
-        best = [np.array([float(np.median(f - slope * x)), slope, 0.0])]
+        ridges = [np.array([float(np.median(f - slope * x)), slope, 0.0])]
         if np.unique(x).size > 3:
-            best.append(polyfit(x, f, 2))
-        return best
-
-    def lone_starts(self) -> list[FloatArray]:
-        """Where mode 1 alone may begin."""
-        return [np.array([*ridge, 0.0, 0.0, 0.0, 0.0]) for ridge in self._ridges()]
-
-    def starts(self) -> Iterator[FloatArray]:
-        """Where both modes may begin."""
-        gaps = [math.log(gap) for gap in GAPS if gap * self.spectra.width_hz < self.span_hz]
-        for place, gap in itertools.product(PLACES, gaps):
-            for law, fixed in self._laws(float(place)):
-                yield np.array([*law, fixed, gap, 0.0, 0.0])
-
-    def _laws(self, place: float) -> Iterator[tuple[FloatArray, float]]:
-        """Laws of the tuned mode, and the other one, which it meets at that place."""
-        if self.tuned == 1:
-            for ridge, steeper in itertools.product(self._ridges(), STEEPER):
-                law = ridge * np.array([1.0, steeper, steeper])
-                yield law, float(polyval(place, law))
+            ridges.append(polyfit(x, f, 2))
+        if self.alone:
+            yield from (np.array([*ridge, 0.0, 0.0, 0.0, 0.0]) for ridge in ridges)
             return
-        fixed = float(np.median(self.spectra.ridge_hz) - self.middle_hz) / self.span_hz
-        for slope, sign in itertools.product(SLOPES, (-1.0, 1.0)):
-            yield np.array([fixed - sign * slope * place, sign * slope, 0.0]), fixed
+        gaps = [math.log(gap) for gap in GAPS if gap * s.width_hz < self.span_hz]
+        still = float(np.median(s.ridge_hz) - self.middle_hz) / self.span_hz
+        for place, gap in itertools.product(map(float, PLACES), gaps):
+            if self.tuned == 1:
+                # mode 1 follows the ridge or is steeper, and meets the other one at that place
+                for ridge, steeper in itertools.product(ridges, STEEPER):
+                    law = ridge * np.array([1.0, steeper, steeper])
+                    yield np.array([*law, float(polyval(place, law)), gap, 0.0, 0.0])
+                continue
+            for slope, sign in itertools.product(SLOPES, (-1.0, 1.0)):
+                law = np.array([still - sign * slope * place, sign * slope, 0.0])
+                yield np.array([*law, still, gap, 0.0, 0.0])
 
     def crossing(self, values: FloatArray, squares: float, one: float) -> Crossing:
         """The same in Hz and in the control's own unit; sums of squares of both and of one mode."""
         s, rows = self.spectra, self._flat[0].size
-        law, other = (self._plain(law) for law in self._both(values))
+        domain = [s.middle - s.half, s.middle + s.half]
+        laws = []
+        for scaled in self.laws(values):
+            plain = np.polynomial.Polynomial(scaled, domain=domain).convert().coef
+            law = np.zeros(scaled.size)
+            law[: plain.size] = self.span_hz * np.asarray(plain, dtype=float)
+            law[0] += self.middle_hz
+            laws.append(tuple(float(c) for c in law))
         gap, d1, d2 = self.sizes_hz(values)
+        # where both are closest, if that was measured
         x = np.linspace(-1.0, 1.0, 2001)
         f1, f2 = self.places_hz(values, x)
         k = int(np.argmin(np.abs(f1 - f2)))
         inside = 0 < k < x.size - 1
+        is_better = squares < SECOND * one
         return Crossing(
             tuned=self.tuned,
-            law=law,
-            other=other,
+            law=laws[0],
+            other=laws[1],
             coupling_hz=math.sqrt(gap * self.middle_hz),
             widths_hz=(d1, d2),
             gap_hz=gap,
             place=s.middle + s.half * float(x[k]) if inside else None,
             left=math.sqrt(squares / rows),
-            one_left=math.sqrt(one / rows),
-            rows=rows,
+            is_observed=is_better and rows * (one - squares) > 3.0 * BEYOND_NOISE * squares,
         )
 
-    def _plain(self, law: FloatArray) -> tuple[float, ...]:
-        """Coefficients in Hz and in the control's own unit."""
-        s = self.spectra
-        scaled = np.polynomial.Polynomial(law, domain=[s.middle - s.half, s.middle + s.half])
-        made = np.zeros(law.size)
-        plain = scaled.convert().coef
-        made[: plain.size] = self.span_hz * np.asarray(plain, dtype=float)
-        made[0] += self.middle_hz
-        return tuple(float(c) for c in made)
 
-
-def response_of(crossing: Crossing, frequency_hz: FloatArray, control: float) -> ComplexArray:
-    """q1 (n,) of a crossing at one value of the control, to a factor.
-
-    Args:
-        crossing: as it was seen.
-        frequency_hz: (n,), Hz.
-        control: in its own unit.
-    """
-    moved, other = (float(polyval(control, law)) for law in (crossing.law, crossing.other))
-    f1, f2 = (moved, other) if crossing.tuned == 1 else (other, moved)
-    d1, d2 = crossing.widths_hz
-    u = frequency_hz
-    one, two = ((f - u) * (f + u) + 1j * u * d for f, d in ((f1, d1), (f2, d2)))
-    return np.asarray(1.0 / (one - crossing.coupling_hz**4 / two))
+def _response(
+    u: FloatArray,
+    places_hz: Sequence[FloatArray | float],
+    widths_hz: Sequence[float],
+    coupling: float,
+) -> ComplexArray:
+    """q1 (n,) at frequencies u (n,), Hz, of modes 1 and 2, to a factor; ``coupling`` is l^4."""
+    one, two = ((f - u) * (f + u) + 1j * u * d for f, d in zip(places_hz, widths_hz, strict=True))
+    return np.asarray(1.0 / (one - coupling / two))
 
 
 def phases_of(
@@ -356,23 +313,17 @@ def phases_of(
     fewest = min(f.size for f in spectra.frequency_hz)
     turns = min(MOST_TURNS, fewest // 2) * STEPS
     delays = np.arange(-turns, turns + 1) / (STEPS * (high - low))
-    plain, other = (
-        _left(crossing, spectra, [np.conj(v) if is_reversed else v for v in values], delays)
-        for is_reversed in (False, True)
-    )
-    is_reversed = float(np.min(other)) < float(np.min(plain))
-    left = other if is_reversed else plain
-    return is_reversed, bool(np.min(left) < CABLE * left[turns])
-
-
-def _left(
-    crossing: Crossing, spectra: Spectra, values: Sequence[ComplexArray], delays: FloatArray
-) -> FloatArray:
-    """Share of the squares that a gain of each spectrum leaves, (delays,)."""
-    shares = []
+    # share of the squares that a gain of each spectrum takes, as they are and reversed, (2, delays)
+    shares = np.zeros((2, delays.size))
     for control, f, observed in zip(spectra.control, spectra.frequency_hz, values, strict=True):
-        made = response_of(crossing, f, float(control))
+        places = [float(polyval(float(control), law)) for law in (crossing.law, crossing.other)]
+        places = places if crossing.tuned == 1 else places[::-1]
+        made = _response(f, places, crossing.widths_hz, crossing.coupling_hz**4)
         turning = np.exp(2j * np.pi * np.outer(delays, f - f[0]))
-        overlap = np.abs(turning @ (observed * np.conj(made))) ** 2
-        shares.append(overlap / (np.sum(np.abs(made) ** 2) * np.sum(np.abs(observed) ** 2)))
-    return np.asarray(1.0 - np.mean(shares, axis=0))
+        power = np.sum(np.abs(made) ** 2) * np.sum(np.abs(observed) ** 2)
+        for k, each in enumerate((observed, np.conj(observed))):
+            shares[k] += np.abs(turning @ (each * np.conj(made))) ** 2 / power
+    plain, reverse = 1.0 - shares / len(values)
+    is_reversed = float(np.min(reverse)) < float(np.min(plain))
+    left = reverse if is_reversed else plain
+    return is_reversed, bool(np.min(left) < CABLE * left[turns])

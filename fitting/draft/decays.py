@@ -181,9 +181,9 @@ def decays_draft(
     for each in recordings:
         observed = in_unit_of(each.others[0], offer.unit(output))
         files.append(TraceFile(each.table, each.time, observed))
-        values = each.table.numbers(observed)  # of two lines at most
-        begins = [first_of_decay(values, states) for states in (2, 4)]
-        late = late or all(k is not None and k > LATEST * values.size for k in begins)
+        samples = each.table.numbers(observed)  # of two lines at most
+        begins = [first_of_decay(samples, states) for states in (2, 4)]
+        late = late or all(k is not None and k > LATEST * samples.size for k in begins)
     traces = []
     for file in files:
         made: dict[str, Any] = {

@@ -26,6 +26,7 @@ from fitting.text.files import path_from, write_whole
 from fitting.text.rendering import blocks
 from fitting.text.scratch import Scratch
 from fitting.text.toml import Tables, put, rewritten, toml_text
+from fitting.text.units import same_kind
 
 #: A sweep, to see whether a campaign that has none yet can be read.
 EXAMPLE = "frequency (Hz),amplitude (V)\n" + "".join(f"{f},{1.0 + f % 3}\n" for f in range(1, 9))
@@ -45,6 +46,8 @@ HEAD = (
 )
 #: Letters in a line of the head.
 HEAD_WIDTH = 98
+#: Of the input of an instrument with levels in dBm, unless another is given.
+LOAD = "50 ohm"
 #: Before each line of a table that is missing.
 MARK = "#: "
 #: The remark on start values that are taken.
@@ -280,6 +283,35 @@ def of_whole_file(roles: Roles, table: str) -> None:
             f"--{key.replace('_', '-')}: [[{table}]] of a campaign has no key for it; wanted what "
             f"is meant of {roles.recording.path} in a file of its own"
         )
+
+
+def meaning(units: Sequence[str], kind: str) -> str:
+    """What amplitudes mean, as a campaign declares it: "V peak", "m rms", "dBm" or "dB".
+
+    Args:
+        units: of the amplitudes, the first one counts.
+        kind: "peak" or "rms".
+    """
+    unit = next((u for u in units if u), "1" if units else "V")
+    if unit in ("dBm", "dB"):
+        return unit
+    bases = ("V", "m", "A", "rad", "m/s", "Pa", "K")
+    return f"{next((base for base in bases if same_kind(unit, base)), unit)} {kind}"
+
+
+def phase_keys(*, rotated: bool, delayed: bool) -> dict[str, Any]:
+    """What a campaign has on phases.
+
+    Args:
+        rotated: whether an instrument counts them the other way.
+        delayed: whether a cable turns them.
+    """
+    made = {}
+    if rotated:
+        made["conjugate"] = noted(True, "the phase rises over the resonance")
+    if delayed:
+        made["delay"] = noted("fit", "of the cable: found by comparing")
+    return made
 
 
 def in_file(channel: Channel) -> str:

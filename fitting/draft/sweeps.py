@@ -11,6 +11,7 @@ from typing import Any
 from fitting.draft.boxes import Box, Shown, boxes_of, coupled_boxes, lines_shown, strength_box
 from fitting.draft.document import (
     HEAD,
+    LOAD,
     MARK,
     Draft,
     accuracy_table,
@@ -19,8 +20,10 @@ from fitting.draft.document import (
     fitted_tables,
     fmu_table,
     in_file,
+    meaning,
     noted,
     of_whole_file,
+    phase_keys,
     starts_words,
 )
 from fitting.draft.files import Files, SweepFile
@@ -62,8 +65,6 @@ APART = 3.0
 PER_LINE = 2
 #: Held steps per period of an input: the drive is scaled so that its fundamental is right.
 STEPS_PER_PERIOD = 28
-#: Of the input of an instrument with levels in dBm, unless another is given.
-LOAD = "50 ohm"
 #: Forms of amplitudes beside which no campaign has an FMU's.
 BEYOND = (FANO, FLOOR, RICE, TAIL)
 #: Backgrounds of complex sweeps, and of amplitudes with the remark on them, by the line's form.
@@ -418,20 +419,6 @@ def _amplitude(files: Files, answers: Answers) -> str:
     return meaning(units, kind)
 
 
-def meaning(sweep_units: Sequence[str], kind: str) -> str:
-    """What amplitudes mean, as a campaign declares it: "V peak", "m rms", "dBm" or "dB".
-
-    Args:
-        sweep_units: units of the amplitudes, the first one counts.
-        kind: "peak" or "rms".
-    """
-    unit = next((u for u in sweep_units if u), "1" if sweep_units else "V")
-    if unit in ("dBm", "dB"):
-        return unit
-    bases = ("V", "m", "A", "rad", "m/s", "Pa", "K")
-    return f"{next((base for base in bases if same_kind(unit, base)), unit)} {kind}"
-
-
 def _observe(offer: Offer, output: str, width_hz: float, *, steady: bool) -> dict[str, Any]:
     others = [name for name in offer.outputs if name != output][:4]
     made = {"output": noted(output, f"or {', '.join(others)}" if others else "the only one")}
@@ -532,21 +519,6 @@ def _complex(sweep: SweepFile, count: int) -> dict[str, Any]:
     if background:
         made["background"] = noted(background, "complex, besides the line: from a comparison")
     return made | phase_keys(rotated=False, delayed=bool(line and line.forms[0].delayed))
-
-
-def phase_keys(*, rotated: bool, delayed: bool) -> dict[str, Any]:
-    """What a campaign has on phases.
-
-    Args:
-        rotated: whether an instrument counts them the other way.
-        delayed: whether a cable turns them.
-    """
-    made = {}
-    if rotated:
-        made["conjugate"] = noted(True, "the phase rises over the resonance")
-    if delayed:
-        made["delay"] = noted("fit", "of the cable: found by comparing")
-    return made
 
 
 def _noise(sweep: SweepFile, count: int) -> dict[str, Any]:

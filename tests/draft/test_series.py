@@ -13,7 +13,7 @@ import pytest
 
 import fitting as ff
 from fitting.draft.api import init
-from fitting.draft.series import series_of
+from fitting.draft.maps import series_of
 from fitting.measurements.control.keys import ReadSpectra
 from fitting.resonance.reading import Columns
 from fitting.text.arrays import ComplexArray
