@@ -18,10 +18,9 @@ from fitting.draft.decays import (
     lines_of_recording,
 )
 from fitting.draft.document import Draft
-from fitting.draft.files import files_of, settled
+from fitting.draft.files import NOISE, files_of, settled
 from fitting.draft.maps import LIST, Series, map_draft, series_of
 from fitting.draft.model import ONE_MODE, TWO_MODES, Offer, offer_of
-from fitting.draft.noise import NOISE
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.sweeps import check_one_line, sweeps_draft
 from fitting.draft.traces import INPUT, OUTPUT, recordings_of, requested_columns, traces_draft

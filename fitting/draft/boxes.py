@@ -18,8 +18,6 @@ from fitting.campaign.parameters import ParameterTable
 from fitting.draft.model import Offer
 from fitting.draft.two_modes import TwoModes
 from fitting.extension.fmu import Run
-from fitting.lines.record import LineValues
-from fitting.lines.several import TwoLines
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import convert, same_kind
@@ -30,8 +28,10 @@ REACH, FACTOR = 20.0, 20.0
 SHARE = 0.02
 #: Factor on a coupling that the sweep shows.
 COUPLED = 3.0
-#: Step of a logarithm for slopes, and Newton's steps.
-STEP, ROUNDS = 1e-3, 4
+#: Step of a logarithm for slopes, Newton's steps, and the least slope with which an output follows.
+STEP, ROUNDS, LEAST_SLOPE = 1e-3, 4, 1e-3
+#: Names of outputs that are widths.
+WIDTH_OUTPUT = re.compile(r"width|damp|fwhm|gamma")
 #: Factor to either side where nothing determines the value, that of a strength's bounds, and that
 #: of a parameter of a recording.
 UNKNOWN, STRONGER, DECADE = 2.0, 10.0, 10.0
@@ -64,39 +64,12 @@ class Box(ParameterTable[float]):
     why: str
 
 
-def lines_shown(line: LineValues | None, two: TwoLines | None, where: str) -> list[Shown]:
-    """The lines of a sweep, the lower one first; none where neither is known.
-
-    Args:
-        line: the single one.
-        two: or both; the place of each is off by no more than half the way to the other.
-        where: what shows them, in words.
-    """
-    result: list[tuple[str, float, float, float]] = []
-    if line is not None:
-        f, w = line.frequency.value, line.width.value
-        result = [(f"the line in the {where}", f, w, REACH * w)]
-    elif two is not None:
-        half = 0.5 * (two.frequency_hz[1] - two.frequency_hz[0])
-        names = (f"the {each} line in the {where}" for each in ("lower", "upper"))
-        pairs = zip(names, two.frequency_hz, two.width_hz, strict=True)
-        result = [(name, f, w, min(REACH * w, half)) for name, f, w in pairs]
-    return [
-        Shown(
-            frequency_hz=f,
-            width_hz=w,
-            reach_hz=reach,
-            frequency_words=f"frequency of {name}",
-            width_words=f"width of {name}",
-        )
-        for name, f, w, reach in result
-    ]
-
-
 def boxes_of(
     offer: Offer, names: Sequence[str], lines: Mapping[str, Shown], fixed: Mapping[str, Scalar]
 ) -> list[Box]:
-    """Bounds and start values.
+    """Bounds and start values: a place within widths of its line, a width within a factor of it.
+
+    What no line sets is bounded about the FMU's own value.
 
     Args:
         offer: what the FMU offers.
@@ -111,42 +84,76 @@ def boxes_of(
     values = dict(fixed)
     # the widths follow from the places in a model of masses and springs, and not the other way
     for name in sorted(names, key=lambda each: each in offer.widths):
-        made[name] = _box(offer, name, lines.get(name), values)
+        wide, line = name in offer.widths, lines.get(name)
+        start, slope = math.nan, 1.0
+        why = "nothing in the files determines it: the FMU's own start value"
+        if line is not None and (wide or name in offer.places):
+            start, slope, why = _start(offer, name, line, values)
+        if line is None or math.isnan(start):
+            own = offer.start(name)
+            low, high = sorted((own / UNKNOWN, own * UNKNOWN)) if own else (-1.0, 1.0)
+            ends, start, scale = (low, high), own, 0.25 * (high - low)
+        elif wide:
+            ends, scale = (start / FACTOR, start * FACTOR), start
+        else:
+            part = min(line.reach_hz / line.frequency_hz / abs(slope), 0.5)
+            ends = start * (1.0 - part), start * (1.0 + part)
+            scale = start * line.width_hz / line.frequency_hz / abs(slope)
+        made[name] = bounded(offer, name, ends, start, scale, why)
         values[name] = made[name].start
     return [made[name] for name in names]
 
 
-def _box(offer: Offer, name: str, line: Shown | None, values: Mapping[str, Scalar]) -> Box:
-    """A place within widths of its line, a width within a factor; else about the own value."""
-    wide, own = name in offer.widths, offer.start(name)
-    what = "width" if wide else "frequency"
-    start, slope, why = (
-        math.nan,
-        1.0,
-        "nothing in the files determines it: the FMU's own start value",
-    )
-    if line is not None and (wide or name in offer.places):
-        target = line.width_hz if wide else line.frequency_hz
-        words = line.width_words if wide else line.frequency_words
-        known = in_unit(target, offer.unit(name))
-        output = "" if known is not None else _output(offer, name, wide, values)
-        if known is not None:
-            start, why = known, words
-        elif not output:
-            why = f"no output has the {what}: the FMU's own start value"
-        else:
-            start, slope = _solved(offer, name, output, target, values)
-            why = f"with it {output} is the {words}"
-            if not (math.isfinite(start) and start > 0.0):
-                start, why = math.nan, f"{output} does not follow it: the FMU's own start value"
-    if line is None or math.isnan(start):
-        low, high = sorted((own / UNKNOWN, own * UNKNOWN)) if own else (-1.0, 1.0)
-        return bounded(offer, name, (low, high), own, 0.25 * (high - low), why)
-    if wide:
-        return bounded(offer, name, (start / FACTOR, start * FACTOR), start, start, why)
-    part = min(line.reach_hz / line.frequency_hz / abs(slope), 0.5)
-    scale = start * line.width_hz / line.frequency_hz / abs(slope)
-    return bounded(offer, name, (start * (1.0 - part), start * (1.0 + part)), start, scale, why)
+def _start(
+    offer: Offer, name: str, line: Shown, values: Mapping[str, Scalar]
+) -> tuple[float, float, str]:
+    """Where a place or a width starts by its line, the slope d ln f/d ln p there, and why.
+
+    NaN where no output in hertz follows the parameter.
+    """
+    wide, value = name in offer.widths, offer.start(name)
+    target = line.width_hz if wide else line.frequency_hz
+    words = line.width_words if wide else line.frequency_words
+    known = in_unit(target, offer.unit(name))
+    if known is not None:
+        return known, 1.0, words
+
+    def read(outputs: Sequence[str], value: float) -> list[tuple[float, float]]:
+        """Outputs after initialisation with a value, each with that of a value a step higher."""
+        runs = [
+            Run(
+                start_values={**values, name: value * math.exp(step)},
+                settle_s=0.0,
+                sample_step_s=1.0,
+                samples=1,
+                outputs=tuple(outputs),
+                allow_nan=True,
+            )
+            for step in (0.0, STEP)
+        ]
+        here, there = offer.workers.run(runs)
+        return [(float(a), float(b)) for a, b in zip(here[0], there[0], strict=True)]
+
+    # the output that follows it most
+    named = [n for n in offer.derived if bool(WIDTH_OUTPUT.search(n.lower())) == wide]
+    pairs = read(named, value) if named and value != 0.0 else []
+    moves = [abs(math.log(b / a)) if a > 0.0 and b > 0.0 else 0.0 for a, b in pairs]
+    if not max(moves, default=0.0) > LEAST_SLOPE * STEP:
+        what = "width" if wide else "frequency"
+        return math.nan, 1.0, f"no output has the {what}: the FMU's own start value"
+    output, slope = named[moves.index(max(moves))], math.nan
+    for _ in range(ROUNDS):
+        [(here, there)] = read([output], value)
+        if not (here > 0.0 and there > 0.0 and here != there):
+            value = math.nan
+            break
+        slope = math.log(there / here) / STEP
+        value *= math.exp(math.log(target / here) / slope)
+        if not 0.0 < value < math.inf:
+            break
+    if not 0.0 < value < math.inf:
+        return math.nan, 1.0, f"{output} does not follow it: the FMU's own start value"
+    return value, slope, f"with it {output} is the {words}"
 
 
 def in_unit(value_hz: float, unit: str) -> float | None:
@@ -257,17 +264,23 @@ def decay_boxes(lines: Sequence[Shown], offer: Offer, most_hz: float = math.inf)
     for line, place, width in zip(lines, offer.places, offer.widths, strict=True):
         f, d = _rounded(line.frequency_hz, 9), _rounded(line.width_hz, 3)
         reach = min(most, _rounded(max(SHARE * f, REACH * line.width_hz), 2))
-        ends = _rounded(max(0.5 * f, f - reach), 9), _rounded(f + reach, 9)
-        if most_hz:
-            made.append(_in_hertz(place, ends, f, _rounded(reach, 2), line.frequency_words))
-        ends = _rounded(d / FACTOR, 3), _rounded(d * FACTOR, 3)
-        made.append(_in_hertz(width, ends, d, d, line.width_words))
+        rows = [
+            (place, max(0.5 * f, f - reach), f + reach, f, 9, _rounded(reach, 2)),
+            (width, d / FACTOR, d * FACTOR, d, 3, d),
+        ]
+        for name, low, high, start, digits, scale in rows if most_hz else rows[1:]:
+            made.append(
+                Box(
+                    name=name,
+                    unit="Hz",
+                    lower=_rounded(low, digits),
+                    upper=_rounded(high, digits),
+                    start=start,
+                    scale=scale,
+                    why=line.width_words if name == width else line.frequency_words,
+                )
+            )
     return tuple(made)
-
-
-def _in_hertz(name: str, ends: tuple[float, float], start: float, scale: float, why: str) -> Box:
-    lower, upper = ends
-    return Box(name=name, unit="Hz", lower=lower, upper=upper, start=start, scale=scale, why=why)
 
 
 def _rounded(value: float, digits: int) -> float:
@@ -307,54 +320,3 @@ def decade_box(offer: Offer, name: str, closer: float | None = None) -> Box:
         + "; bounds are a guess"
         + (": a tenth of it to ten times" if start else ""),
     )
-
-
-def _output(offer: Offer, name: str, wide: bool, values: Mapping[str, Scalar]) -> str:
-    """The output in hertz that is the frequency, or the width, and follows a parameter; or none."""
-    named = [
-        n for n in offer.derived if bool(re.search(r"width|damp|fwhm|gamma", n.lower())) == wide
-    ]
-    start = offer.start(name)
-    if not named or start == 0.0:
-        return ""
-    here, there = _read(offer, named, name, start, values)
-    slopes = [
-        abs(math.log(b / a)) if a > 0.0 and b > 0.0 else 0.0
-        for a, b in zip(here, there, strict=True)
-    ]
-    best = max(range(len(named)), key=lambda k: slopes[k])
-    return named[best] if slopes[best] > 1e-3 * STEP else ""
-
-
-def _solved(
-    offer: Offer, name: str, output: str, target: float, values: Mapping[str, Scalar]
-) -> tuple[float, float]:
-    """The value with which an output has its target, and the slope of the logarithms there."""
-    value, slope = offer.start(name), math.nan
-    for _ in range(ROUNDS):
-        [here], [there] = _read(offer, [output], name, value, values)
-        if not (here > 0.0 and there > 0.0 and here != there):
-            return math.nan, math.nan
-        slope = math.log(there / here) / STEP
-        value *= math.exp(math.log(target / here) / slope)
-        if not 0.0 < value < math.inf:
-            return math.nan, math.nan
-    return value, slope
-
-
-def _read(
-    offer: Offer, outputs: Sequence[str], name: str, value: float, fixed: Mapping[str, Scalar]
-) -> list[list[float]]:
-    """Outputs after initialisation with a parameter's value, and with one a step of it higher."""
-    runs = [
-        Run(
-            start_values={**fixed, name: value * math.exp(step)},
-            settle_s=0.0,
-            sample_step_s=1.0,
-            samples=1,
-            outputs=tuple(outputs),
-            allow_nan=True,
-        )
-        for step in (0.0, STEP)
-    ]
-    return [[float(number) for number in result[0]] for result in offer.workers.run(runs)]

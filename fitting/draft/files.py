@@ -12,15 +12,27 @@ from typing import Any
 
 import numpy as np
 
-from fitting.draft.noise import NOISE, SWEEP, NoiseLook, kind_question, noise_look
+from fitting.campaign.instruments.roles import (
+    DENSITY,
+    HOLDS,
+    OBSERVED_UNITS,
+    ROOT,
+    Density,
+    relative_density,
+)
+from fitting.draft.boxes import REACH, Shown
 from fitting.draft.questions import Answers, Question
-from fitting.draft.two_modes import BESIDE, TwoModes, two_modes_of
+from fitting.draft.two_modes import BESIDE, TwoModes, apart_hz, two_modes_of
+from fitting.draft.two_modes import COUPLED as COUPLED_MODES
+from fitting.extension.records import PLAIN
 from fitting.lines.excluded import spike_note, spikes_in
 from fitting.lines.line import Line, line_of
-from fitting.lines.noise_model import TOGETHER
+from fitting.lines.noise_model import COUPLED, TOGETHER
+from fitting.lines.noise_spectrum import NoiseFit, noise_lines
 from fitting.lines.record import LineResult, line_numbers
 from fitting.lines.several import TwoLines, TwoResonances, as_two
 from fitting.resonance.control_map import ControlMap
+from fitting.resonance.noise_reading import BY_NAME, BY_UNIT, stated_density
 from fitting.resonance.reading import (
     AMPLITUDE,
     Columns,
@@ -31,18 +43,96 @@ from fitting.resonance.reading import (
     roles_of,
     units_untold,
 )
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import listed
 from fitting.text.tables import Column, read_table
 from fitting.text.units import same_kind
 
+NOISE, SWEEP = KINDS = ("noise", "sweep")
+#: Gain of the logarithm of the likelihood from which the scatter tells, span of the lines over
+#: their floor below which it does not, and the least share of itself that a density scatters by.
+TELLS, SPAN, SHARE = 10.0, 3.0, 0.05
+#: Mean square of steps between residuals over that of these: 2 of noise, 0 of a smooth misfit.
+ROUGH = 1.0
+#: How much less a density has to scatter than its root, where the unit is that of amplitudes.
+PLAINLY = 1.5
+#: Why a file is taken for a noise spectrum that neither unit nor name calls one.
+BY_SCATTER = "scatter"
 #: The column that makes a table one of experiments.
 LABEL = "experiment"
 PHASE_UNITS = ("deg", "rad", "°")
 #: Units that a person may answer with, by the field of `Columns` that tells one.
 UNITS = {"unit_frequency": ("Hz", "kHz", "MHz", "GHz"), "unit_phase": ("deg", "rad")}
 SIGMA_PREFIXES = ("s_", "sigma", "std", "err")
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseLook:
+    """What a file shows if it is a noise spectrum.
+
+    `by` is why it seems to be one, empty where nothing says so; `holds` what its column holds where
+    the unit does not tell it, else empty, and `is_root` whether that is the root of the density;
+    `lines` None where it shows none.
+    """
+
+    lines: NoiseFit | None
+    by: str
+    holds: str
+    is_root: bool
+
+    @property
+    def column(self) -> str:
+        """What its column holds, in words."""
+        return "root of the density" if self.is_root else "density"
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it follows from unit or name, so that no question is needed."""
+        return self.by in (BY_UNIT, BY_NAME)
+
+    @property
+    def two(self) -> TwoLines | None:
+        """Its two lines as those of a sweep; None of others.
+
+        The height of a mode that has a force of its own goes with g/(f^2 w), of modes under one
+        force with the square of g/(f w): `ratio` is what makes g of both alike.
+        """
+        lines = self.lines
+        if lines is None or len(lines.lines) < 2:
+            return None
+        (f1, w1), (f2, w2) = ((line.frequency.value, line.width.value) for line in lines.lines)
+        a1, a2 = lines.height
+        ratio = a2 / a1 * f2 / f1
+        if lines.kind == TOGETHER:
+            ratio = math.copysign(math.sqrt(abs(a2 / a1)), a2)
+        return TwoLines((f1, f2), (w1, w2), complex(ratio))
+
+    @property
+    def modes(self) -> TwoModes | None:
+        """Its coupled modes; None where it shows none."""
+        lines = self.lines
+        if lines is None or lines.kind != COUPLED:
+            return None
+        f1, w1, f2, w2, coupling = lines.modes
+        numbers = [each.frequency for each in lines.lines] + [each.width for each in lines.lines]
+        return TwoModes(
+            kind=COUPLED_MODES,
+            frequency_hz=(f1, f2),
+            width_hz=(w1, w2),
+            coupling_hz=coupling,
+            drive=0.0,
+            describes=True,
+            line_hz=tuple(each.value for each in numbers),
+            line_std_hz=tuple(each.std for each in numbers),
+            apart_hz=apart_hz((f1, f2), (w1, w2), coupling),
+        )
+
+    @property
+    def residual(self) -> float:
+        """By which share of itself it scatters; 0: unknown."""
+        return 0.0 if self.lines is None else 1.0 / math.sqrt(max(self.lines.averages, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,6 +269,33 @@ class Files:
         return "spectrum" if self.is_noise else "sweep"
 
     @property
+    def lines(self) -> list[Shown]:
+        """The lines that they show, the lower one first; none where neither one nor two are known.
+
+        The place of one of two is off by no more than half the way to the other.
+        """
+        line, two, where = self.line, self.two, self.where
+        result: list[tuple[str, float, float, float]] = []
+        if line is not None:
+            f, w = line.frequency.value, line.width.value
+            result = [(f"the line in the {where}", f, w, math.inf)]
+        elif two is not None:
+            half = 0.5 * (two.frequency_hz[1] - two.frequency_hz[0])
+            names = (f"the {each} line in the {where}" for each in ("lower", "upper"))
+            pairs = zip(names, two.frequency_hz, two.width_hz, strict=True)
+            result = [(name, f, w, half) for name, f, w in pairs]
+        return [
+            Shown(
+                frequency_hz=f,
+                width_hz=w,
+                reach_hz=min(REACH * w, most),
+                frequency_words=f"frequency of {name}",
+                width_words=f"width of {name}",
+            )
+            for name, f, w, most in result
+        ]
+
+    @property
     def two(self) -> TwoLines | None:
         """The two resonances of the first sweep that shows them, where none shows a single one."""
         if self.line is not None:
@@ -267,6 +384,79 @@ def _with_units(path: Path, columns: Columns, answers: Answers) -> Columns:
     return replace(columns, **given)
 
 
+def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
+    """What a file shows if it is a noise spectrum; None where it cannot be one.
+
+    A density that nobody drove scatters by the same share of itself everywhere; a sweep scatters by
+    the same amount. With m the lines that follow the points y best, the logarithms of the
+    likelihood are
+
+        by a share     -n ln(rms((y - m)/m)) - sum ln m
+        by an amount   -n ln(rms(y - m))
+
+    Args:
+        roles: of its columns.
+        frequency_hz: of its points, shape (n,), Hz.
+    """
+    channel, table = roles.sizes, roles.recording
+    if channel is None or roles.is_complex or np.any(np.diff(frequency_hz) <= 0.0):
+        return None
+    frequency = table.find(roles.frequency.name)
+    plain = table.layout == PLAIN and table.find(channel.name) is not None
+    if not plain or frequency is None or frequency.unit is None:
+        return None  # no table of text whose frequencies have a unit in their header
+    given = stated_density(roles)
+    if given is not None:
+        return _look(given, frequency_hz)
+    numbers, unit = table.numbers(channel), channel.unit or ""
+    if np.any(numbers < 0.0) and not unit.startswith("dB"):
+        return None
+    # without unit or name it is what scatters less, density or root: of a density that is read as
+    # a root the squares scatter twice as much
+    looks = {
+        way: _look(replace(relative_density(numbers, channel.unit, way), holds=way), frequency_hz)
+        for way in HOLDS
+    }
+    left = {
+        way: look.residual / (2.0 if way == ROOT else 1.0)
+        for way, look in looks.items()
+        if look is not None and look.lines is not None
+    }
+    if any(same_kind(unit, each) for each in OBSERVED_UNITS[:-1]) and DENSITY in left:
+        left[DENSITY] *= PLAINLY  # an amplitude by its unit
+    look = looks.get(min(left, key=lambda way: left[way], default=""))
+    if look is None or look.lines is None:
+        return None
+    curve = np.sqrt(look.lines.curve) if look.is_root else look.lines.curve
+    flat = not float(np.max(curve)) > SPAN * float(np.min(curve))
+    if look.residual < SHARE or flat:
+        return look
+    y = numbers
+    if unit.startswith("dB"):
+        y = relative_density(numbers, unit, DENSITY).numbers
+    shares = (y - curve) / curve
+    square = float(np.mean(shares**2))
+    # those of noise, next to each other, differ by twice their mean square; a curve that is another
+    # leaves residuals that follow each other, and these are not what points scatter by
+    if not float(np.mean(np.diff(shares) ** 2)) > ROUGH * square:
+        return look
+    amount = y.size * math.log(float(np.sqrt(np.mean((y - curve) ** 2))))
+    share = y.size * math.log(float(np.sqrt(square)))
+    by_share = amount - share - float(np.sum(np.log(curve))) > TELLS
+    return replace(look, by=BY_SCATTER) if by_share else look
+
+
+def _look(density: Density, frequency_hz: FloatArray) -> NoiseLook | None:
+    result = density.numbers
+    if not np.all(np.isfinite(result)) or np.any(result <= 0.0):
+        return None
+    try:
+        lines = noise_lines(frequency_hz, result)
+    except ValueError:  # of a line that is not resolved nothing can be drafted
+        lines = None
+    return NoiseLook(lines=lines, by=density.by, holds=density.holds, is_root=density.is_root)
+
+
 def _sweep(path: Path, columns: Columns) -> SweepFile:
     roles, trace = roles_of(path, columns), read_trace_of(path, columns)
     line, trouble, two, modes, rising = None, "", None, None, False
@@ -324,7 +514,15 @@ def settled(files: Files, answers: Answers) -> Files:
         if look is not None and look.is_sure and not given:
             kind = NOISE
         elif look is not None and (given or look.by):
-            [kind] = answers.of(kind_question(sweep.path.name, look))
+            why = "neither unit, name nor scatter indicates noise"
+            if look.by == BY_SCATTER:
+                why = (
+                    "a guess: its points scatter by the same share of themselves everywhere, as "
+                    f"the {look.column} of noise does"
+                )
+            words = "is it a noise spectrum without a drive, or a sweep of amplitudes?"
+            default = NOISE if look.by == BY_SCATTER else SWEEP
+            kind = answers.one_of("kind", f"{sweep.path.name}: {words}", KINDS, default, why)
         made.append(sweep.as_noise() if kind == NOISE else sweep)
     _check_one_sweep([s for s in made if not (s.is_complex or s.is_noise)])
     return replace(files, sweeps=tuple(made))

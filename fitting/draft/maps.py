@@ -35,9 +35,8 @@ from fitting.draft.document import (
     relative_path,
     starts_words,
 )
-from fitting.draft.files import MapFile
+from fitting.draft.files import BY_SCATTER, MapFile, noise_look
 from fitting.draft.model import Offer
-from fitting.draft.noise import BY_SCATTER, noise_look
 from fitting.draft.questions import Answers
 from fitting.extension.records import Channel, Recording
 from fitting.measurements.control.keys import FILE

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fitting.draft.boxes import Box, Shown, boxes_of, coupled_boxes, lines_shown, strength_box
+from fitting.draft.boxes import Box, Shown, boxes_of, coupled_boxes, in_unit, strength_box
 from fitting.draft.document import (
     HEAD,
     LOAD,
@@ -29,7 +29,6 @@ from fitting.draft.document import (
 from fitting.draft.files import Files, SweepFile
 from fitting.draft.model import COUPLING, UNCOUPLED, Offer
 from fitting.draft.questions import Answers, Question
-from fitting.draft.trial import line_pairs, linear_level, response_at
 from fitting.draft.two_modes import DRIVEN, TwoModes
 from fitting.lines.names import (
     FANO,
@@ -42,9 +41,12 @@ from fitting.lines.names import (
     WORDS,
     WORDS_COMPLEX,
 )
+from fitting.lines.record import LineResult
 from fitting.measurements.noise.record import THERMAL, WHITE
+from fitting.simulate.drive import Drive
+from fitting.simulate.response import plan_drive
 from fitting.text.arrays import Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import hertz, listed
 from fitting.text.rendering import blocks
 from fitting.text.sentences import sentence_lines
@@ -65,6 +67,15 @@ APART = 3.0
 PER_LINE = 2
 #: Held steps per period of an input: the drive is scaled so that its fundamental is right.
 STEPS_PER_PERIOD = 28
+#: Relative error of the simulated amplitudes, and how far, relatively, a tenth of the drive may be
+#: from a tenth of the response.
+ACCURACY, LINEAR = 1e-6, 1e-4
+#: Powers of ten by which the level is lowered, at most; and a level at which a look is taken.
+DECADES, WEAK = 9, 1e-3
+#: Widths from a line at which it has gone, and what its top then is over that, at least.
+AWAY, LEAST_CONTRAST = 5.0, 3.0
+#: Step of a logarithm, and change of an amplitude with it, relatively, that counts.
+STEP, COUNTS = 0.1, 0.2
 #: Forms of amplitudes beside which no campaign has an FMU's.
 BEYOND = (FANO, FLOOR, RICE, TAIL)
 #: Backgrounds of complex sweeps, and of amplitudes with the remark on them, by the line's form.
@@ -88,6 +99,10 @@ MISSING = f"""
 """
 
 
+#: Amplitude of a response to further start values, a level, and a distance from the line, Hz.
+Response = Callable[[Mapping[str, Scalar], float, float], float]
+
+
 def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> Draft:
     """A campaign of sweeps, spectra and a table of experiments, or without any of them.
 
@@ -103,8 +118,9 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
         FmuFailure: the FMU failed with its own start values.
     """
     measured, line, table = files.sweeps or files.table, files.line, files.table
-    one_line = files.two is None or len(offer.places) < 2
-    if measured and offer.is_model and line is None and one_line:
+    pair = files.two is not None and offer.is_two_modes
+    two_lines = files.two is not None and len(offer.places) > 1
+    if measured and offer.is_model and line is None and not two_lines:
         trouble = next((sweep.trouble for sweep in files.sweeps), "")
         raise BadInput(trouble or "wanted a sweep as well, which determines frequency and width")
     output = _output(files, offer, answers)
@@ -115,102 +131,58 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
     for frequency, amplitude in offer.tones:
         if tones and (frequency, amplitude) not in tones:
             start[amplitude] = 0.0, f"no drive at {frequency}, which was not measured with"
-    values = {name: value for name, (value, _) in start.items()}
+    # what of an FMU is fitted to a line is tried where it begins on its periodic orbit
     response = None
     if table is None and line is not None and offer.steady and tones:
-        response = response_at(offer, values, tones[0], output, line.frequency.value)
-    pair = files.two is not None and offer.is_two_modes
-    modes = files.modes if pair else None
-    more: tuple[str, ...] = (STRENGTH,) if pair else ()
-    if modes is not None:
-        more = (COUPLING, STRENGTH) if modes.kind == DRIVEN else (COUPLING,)
-    trial = []
-    if response is not None and line is not None and len(offer.places) > 1:
-        trial = line_pairs(response, offer, line.frequency.value, line.width.value)
-    fitted = answers.of(_fitted(files, offer, more, trial))
-    if pair:
-        start |= _start_of_pair(modes, fitted)
         values = {name: value for name, (value, _) in start.items()}
-    lines = lines_shown(line, files.two, files.where)
-    boxes = _boxes(files, offer, fitted, more, values)
-    kept = [n for n in (*offer.places, *offer.widths) if n not in fitted]
-    if line is None or len(offer.places) < 2:  # else those of further modes, which no line shows
-        kept = []
-    amplitude = _amplitude(files, answers)
-    derived: tuple[str, ...] = ()
-    if modes is None or modes.tells_lines:
-        derived = _derived(offer, fitted, kept=bool(kept))
-    level = 1.0
-    if response is not None:
-        placed = {b.name: convert(b.start, b.unit, offer.unit(b.name), where=b.name) for b in boxes}
-        level = linear_level(response, placed)
-    width = min((each.width_hz for each in lines), default=0.0)
-    residual = 0.0 if line is None else line.rms_residual
+        response = _response_at(offer, values, tones[0], output, line.frequency.value)
+    fitted = _fitted(files, offer, answers, response)
+    modes = files.modes if pair else None
+    if pair:
+        start |= {n: v for n, v in _pair_start(modes).items() if n not in fitted}
+    boxes = _boxes(files, offer, fitted, {name: value for name, (value, _) in start.items()})
+    level = 1.0 if response is None else _linear_level(response, offer, boxes)
+    held, derived = _reported(offer, fitted, line, modes)
+    # the campaign
     titles = ", ".join(sweep.path.stem for sweep in files.sweeps)
+    others = [name for name in offer.outputs if name != output][:4]
+    observed = {"output": noted(output, f"or {', '.join(others)}" if others else "the only one")}
+    width = min((each.width_hz for each in files.lines), default=0.0)
+    if offer.steady:
+        observed["steady_start"] = noted(True, "nothing to settle")
+    elif width > 0.0:
+        words = "of the line: sets the time to settle"
+        observed["line_width"] = noted(hertz(width, digits=3), words)
+    residual = 0.0 if line is None else line.rms_residual
+    scatter = "of the simulation, relative" + ": well below the scatter" * (residual > 0.0)
+    reported = "outputs of the FMU that are reported, too"
     tables: dict[str, Any] = {
         "title": titles or (table.path.stem if table else offer.description.model_name),
         "fmu": fmu_table(offer, start, [n for n in TAKEN_VALUES if n in start] if pair else ()),
-        "observe": _observe(offer, output, width, steady=bool(start.get(offer.steady))),
+        "observe": observed,
         "drive": _drive(files, offer, tones, driven, level),
-        **_measured(files, amplitude),
-        **fitted_tables(
-            boxes,
-            noted(list(derived), "outputs of the FMU that are reported, too") if derived else (),
-            searched=True,
-        ),
-        "accuracy": accuracy_table(
-            residual,
-            "of the simulation, relative" + ": well below the scatter" * (residual > 0.0),
-            kept=bool(driven),
-        ),
+        **_measured(files, _amplitude(files, answers)),
+        **fitted_tables(boxes, noted(list(derived), reported) if derived else (), searched=True),
+        "accuracy": accuracy_table(residual, scatter, kept=bool(driven)),
     }
     if offer.is_model:
         tables["fmu"]["model"] = noted(offer.name, "shipped with fmu-fit and built on demand")
+    # what the results will rest on
+    text = blocks("draft/text")
     stated = [*_described(files), *answers.said, *starts_words(boxes)]
-    stated += _conditions(files, offer, kept, reported=bool(derived))
+    if pair:
+        kind = "" if modes is None else modes.kind
+        stated.append(str(text.taken_modes(kind, files.where, files.is_noise)))
+    if held:
+        stated.append(str(text.held(held)))
+    elif modes is not None and not derived and not modes.tells_lines:
+        stated.append(str(text.not_reported(modes, offer.derived)))
     if measured:
         return draft_from(tables, offer, folder, stated, undescribed=_undescribed(files, offer))
     name = shlex.quote(offer.name)
     head = "A campaign for this FMU, written by fmu-fit init: what is missing stands at its end."
     missing = MISSING.format(fmu=f"--fmu {name}" if offer.is_model else name)
     return draft_from(tables, offer, folder, stated, ((head, HEAD[1]), missing))
-
-
-def _boxes(
-    files: Files,
-    offer: Offer,
-    fitted: Sequence[str],
-    more: Sequence[str],
-    start: Mapping[str, Scalar],
-) -> list[Box]:
-    """Boxes of what is fitted; ``more`` are what is fitted of two modes besides their lines."""
-    lines = lines_shown(files.line, files.two, files.where)
-    boxes = boxes_of(offer, fitted, _by_name(fitted, offer, lines), start)
-    if more and files.modes is not None:
-        own = {box.name: box for box in coupled_boxes(offer, files.modes, lines, more)}
-        boxes = [own.get(box.name, box) for box in boxes]
-    elif more and STRENGTH in fitted:
-        boxes[fitted.index(STRENGTH)] = _strength(files, offer, lines)
-    for box in boxes:
-        if not box.lower < box.start < box.upper:
-            raise BadInput(
-                f"{box.name}: its start {box.start:g} {box.unit}, {box.why}, is not inside the "
-                f"range that the FMU declares, {box.lower:g} to {box.upper:g}; wanted another --fit"
-            )
-    return boxes
-
-
-def _conditions(files: Files, offer: Offer, kept: Sequence[str], *, reported: bool) -> list[str]:
-    """What results will rest on, in sentences."""
-    words, stated, modes = blocks("draft/text"), [], files.modes
-    if files.two is not None and offer.is_two_modes:
-        kind = "" if modes is None else modes.kind
-        stated.append(str(words.taken_modes(kind, files.where, files.is_noise)))
-    if kept:
-        stated.append(str(words.held(kept)))
-    elif modes is not None and not reported and not modes.tells_lines:
-        stated.append(str(words.not_reported(modes, offer.derived)))
-    return stated
 
 
 def check_one_line(files: Files) -> None:
@@ -232,14 +204,6 @@ def check_one_line(files: Files) -> None:
                 f"one at {hertz(first.frequency.value, digits=7)}; wanted sweeps of one line, or "
                 "--control, the quantity that moves it, as --control Vg=-6:6:1, or --fmu"
             )
-
-
-def _derived(offer: Offer, fitted: Sequence[str], *, kept: bool) -> tuple[str, ...]:
-    """Numbers of the model that are reported; where modes are held, those of the fitted one."""
-    result = tuple(name for name in (*offer.derived, *offer.qualities) if name not in fitted)
-    marks = {name.rpartition("_")[2] for name in fitted if name in offer.places and "_" in name}
-    of_mode = tuple(name for name in result if name.rpartition("_")[2] in marks)
-    return of_mode if kept and of_mode else result
 
 
 def _undescribed(files: Files, offer: Offer) -> str:
@@ -273,39 +237,71 @@ def _described(files: Files) -> list[str]:
     return stated + ([str(words.experiments(files.table, files.pattern))] if files.table else [])
 
 
-def _by_name(fitted: Sequence[str], offer: Offer, lines: Sequence[Shown]) -> dict[str, Shown]:
-    """The line that each parameter sets: with two of them the first place and width the lower."""
-    result: dict[str, Shown] = {}
+def _reported(
+    offer: Offer, fitted: Sequence[str], line: LineResult | None, modes: TwoModes | None
+) -> tuple[list[str], tuple[str, ...]]:
+    """Places and widths of further modes, which are held; numbers of the model that are reported.
+
+    The latter are of all modes or, where others are held, of the fitted one; none of coupled modes
+    whose own numbers are not those of the lines.
+    """
+    held = []
+    if line is not None and len(offer.places) > 1:
+        held = [n for n in (*offer.places, *offer.widths) if n not in fitted]
+    if modes is not None and not modes.tells_lines:
+        return held, ()
+    derived = tuple(n for n in (*offer.derived, *offer.qualities) if n not in fitted)
+    marks = {n.rpartition("_")[2] for n in fitted if n in offer.places and "_" in n}
+    of_mode = tuple(n for n in derived if n.rpartition("_")[2] in marks)
+    return held, of_mode if held and of_mode else derived
+
+
+def _pair_start(modes: TwoModes | None) -> dict[str, tuple[Scalar, str]]:
+    """Start values that make two modes those of the sweep, with reasons."""
+    if modes is None:
+        return dict(UNCOUPLED)
+    why = "as both lines have it"
+    made = {**UNCOUPLED, **THROUGH_COUPLING, COUPLING: (modes.coupling_hz, why)}
+    return made | ({STRENGTH: (modes.drive, why)} if modes.kind == DRIVEN else {})
+
+
+def _boxes(
+    files: Files, offer: Offer, fitted: Sequence[str], start: Mapping[str, Scalar]
+) -> list[Box]:
+    """Boxes of what is fitted, under start values of what is not."""
+    # the line that each parameter sets: of two, the first place and width the lower one
+    lines, by_name = files.lines, dict[str, Shown]()
     for group in (offer.places, offer.widths):
         names = [name for name in group if name in fitted]
-        several = lines if len(lines) > 1 else [*lines] * len(names)
-        result |= dict(zip(names, several, strict=False))
-    return result
+        by_name |= dict(zip(names, lines if len(lines) > 1 else lines * len(names), strict=False))
+    boxes = boxes_of(offer, fitted, by_name, start)
+    pair = files.two if offer.is_two_modes else None
+    if pair is not None and files.modes is not None:
+        own = {b.name: b for b in coupled_boxes(offer, files.modes, lines, _of_pair(files))}
+        boxes = [own.get(box.name, box) for box in boxes]
+    elif pair is not None and STRENGTH in fitted:
+        # heights of modes go with g/(f d); the sign is that of the phase between both lines, and
+        # amplitudes show it by what lies between
+        one, two = (each.frequency_hz * each.width_hz for each in lines)
+        size = math.copysign(abs(pair.ratio) * two / one, pair.ratio.real)
+        heat = any(sweep.has_own_forces for sweep in files.sweeps)  # drives no mode against another
+        why = f"heights, widths and places of the two lines in the {files.where}: g2 goes with them"
+        why += "" if heat else "; its sign with the phase between them"
+        boxes[fitted.index(STRENGTH)] = strength_box(offer, STRENGTH, size, why, positive=heat)
+    for box in boxes:
+        if not box.lower < box.start < box.upper:
+            raise BadInput(
+                f"{box.name}: its start {box.start:g} {box.unit}, {box.why}, is not inside the "
+                f"range that the FMU declares, {box.lower:g} to {box.upper:g}; wanted another --fit"
+            )
+    return boxes
 
 
-def _start_of_pair(modes: TwoModes | None, fitted: Sequence[str]) -> dict[str, tuple[Scalar, str]]:
-    """What makes two modes those of the sweep, with reasons, but for what is fitted."""
-    made = dict(UNCOUPLED)
-    if modes is not None:
-        result = "as both lines have it"
-        made = THROUGH_COUPLING | {COUPLING: (modes.coupling_hz, result)}
-        made |= {STRENGTH: (modes.drive, result)} if modes.kind == DRIVEN else {}
-    return {name: value for name, value in made.items() if name not in fitted}
-
-
-def _strength(files: Files, offer: Offer, lines: Sequence[Shown]) -> Box:
-    """How strongly the upper mode is driven: heights of modes go with g/(f d).
-
-    The sign is that of the phase between both lines; amplitudes show it by what lies between.
-    """
-    assert files.two is not None  # noqa: S101 - asked by the caller
-    ratio = files.two.ratio
-    one, two = (each.frequency_hz * each.width_hz for each in lines)
-    start = math.copysign(abs(ratio) * two / one, ratio.real)
-    why = f"heights, widths and places of the two lines in the {files.where}: g2 goes with them"
-    if any(sweep.has_own_forces for sweep in files.sweeps):  # heat drives no mode against another
-        return strength_box(offer, STRENGTH, start, why, positive=True)
-    return strength_box(offer, STRENGTH, start, f"{why}; its sign with the phase between them")
+def _of_pair(files: Files) -> tuple[str, ...]:
+    """What is fitted of two modes besides places and widths."""
+    if files.modes is None:
+        return (STRENGTH,)
+    return (COUPLING, STRENGTH) if files.modes.kind == DRIVEN else (COUPLING,)
 
 
 def _output(files: Files, offer: Offer, answers: Answers) -> str:
@@ -363,11 +359,11 @@ def _driven(files: Files, offer: Offer, answers: Answers) -> tuple[list[tuple[st
 
 
 def _fitted(
-    files: Files, offer: Offer, more: tuple[str, ...], trial: Sequence[tuple[str, str]]
-) -> Question:
-    """Which parameters: for each line one that sets its place and one that sets its width.
+    files: Files, offer: Offer, answers: Answers, response: Response | None
+) -> tuple[str, ...]:
+    """Parameters: for each line one that sets its place and one that sets its width.
 
-    Those whose line the output showed in a trial, if any did, else by names and units.
+    Those whose line the output shows in a trial, if any does, else by names and units.
     """
     line, known = files.line, offer.description.variables
     places, widths = list(offer.places), list(offer.widths)
@@ -379,7 +375,10 @@ def _fitted(
             return abs(own / line.frequency.value - 1.0) if known else 1e300
 
         places.sort(key=far)
-    pair = next(((place, width) for place in places for n, width in trial if n == place), ())
+    trial = {}
+    if response is not None and line is not None and len(places) > 1:
+        trial = _line_pairs(response, offer, line.frequency.value, line.width.value)
+    pair = next(((place, trial[place]) for place in places if place in trial), ())
     mark = places[0][-1:] if places else ""
     widths.sort(key=lambda name: name[-1:] != mark)
     default = pair or (*places[:1], *widths[:1])
@@ -388,16 +387,85 @@ def _fitted(
     sets_line = set(default) <= {*offer.places, *offer.widths} and len(default) == PER_LINE
     why = "they set where the line is and how wide" if sets_line else "a guess"
     if files.two is not None and min(len(offer.places), len(offer.widths)) >= 2:
+        more = _of_pair(files) if offer.is_two_modes else ()
         default = (*offer.places[:2], *offer.widths[:2], *more)
         why = "they set where the two lines are, how wide" + (" and how high" if more else "")
-    return Question(
-        key="fit",
-        words="Which parameters of the FMU are fitted?",
-        options=offer.parameters,
-        default=default,
-        why=f"{why}, {'as a trial shows' if pair else 'by their units, names and descriptions'}",
-        several=True,
-    )
+    why += ", as a trial shows" if pair else ", by their units, names and descriptions"
+    return answers.fitted(offer.parameters, default, why)
+
+
+def _response_at(
+    offer: Offer,
+    start: Mapping[str, Scalar],
+    tone: tuple[str, str],
+    output: str,
+    frequency_hz: float,
+) -> Response:
+    """The response of an output to one tone near a line at ``frequency_hz``; NaN where it fails.
+
+    ``tone`` are the parameters of the frequency and of the amplitude that drive.
+    """
+
+    def amplitude(values: Mapping[str, Scalar], level: float, away_hz: float) -> float:
+        at = frequency_hz + away_hz
+        frequency = in_unit(at, offer.unit(tone[0]))
+        if frequency is None:
+            return math.nan
+        driven = {**start, **values, tone[0]: frequency, tone[1]: level}
+        drive = Drive(start_values=driven, tones_hz=(at,), outputs=(output,))
+        try:
+            plan = plan_drive(offer.workers, drive, ACCURACY)
+            [samples] = offer.workers.run(plan.runs[:1])
+            return float(plan.read(samples)[0, 0])
+        except (BadInput, FmuFailure):
+            return math.nan
+
+    return amplitude
+
+
+def _linear_level(response: Response, offer: Offer, boxes: Sequence[Box]) -> float:
+    """A power of ten, at most 1, at which the response is in proportion to the drive.
+
+    A line with an unknown drive is fitted with a free scale, and its shape is that of a linear
+    response. 1 where no power is found.
+    """
+    placed = {b.name: convert(b.start, b.unit, offer.unit(b.name), where=b.name) for b in boxes}
+    above = response(placed, 1.0, 0.0)
+    for decade in range(DECADES):
+        level = 10.0**-decade
+        below = response(placed, 0.1 * level, 0.0)
+        if abs(10.0 * below - above) <= LINEAR * above:
+            return level if decade == 0 else 0.1 * level  # the remainder falls with its square
+        above = below
+    return 1.0
+
+
+def _line_pairs(
+    response: Response, offer: Offer, frequency_hz: float, width_hz: float
+) -> dict[str, str]:
+    """Parameters that place a line which the output shows, each with the one that widens it."""
+    sizes = {name: in_unit(width_hz, offer.unit(name)) for name in offer.widths}
+    widths = {name: size for name, size in sizes.items() if size is not None}
+    pairs = {}
+    for place in offer.places:
+        value = in_unit(frequency_hz, offer.unit(place))
+        if value is None:
+            continue
+        placed = {place: value}
+        here, away = (response({**widths, **placed}, WEAK, k * width_hz) for k in (0.0, AWAY))
+        if not here > LEAST_CONTRAST * away:
+            continue
+        changes = [(0.0, "")]  # of the logarithm of the top with that of a width
+        for name, size in widths.items():
+            narrow, wide = (
+                response({**placed, name: size * math.exp(step)}, WEAK, 0.0) for step in (0.0, STEP)
+            )
+            change = math.log(narrow / wide) / STEP if narrow > 0.0 < wide else 0.0
+            changes.append((change, name))
+        change, width = max(changes)
+        if change > COUNTS:
+            pairs[place] = width
+    return pairs
 
 
 def _amplitude(files: Files, answers: Answers) -> str:
@@ -417,17 +485,6 @@ def _amplitude(files: Files, answers: Answers) -> str:
         )
     )
     return meaning(units, kind)
-
-
-def _observe(offer: Offer, output: str, width_hz: float, *, steady: bool) -> dict[str, Any]:
-    others = [name for name in offer.outputs if name != output][:4]
-    made = {"output": noted(output, f"or {', '.join(others)}" if others else "the only one")}
-    if steady:
-        made["steady_start"] = noted(True, "nothing to settle")
-    elif width_hz > 0.0:
-        words = "of the line: sets the time to settle"
-        made["line_width"] = noted(hertz(width_hz, digits=3), words)
-    return made
 
 
 def _drive(
