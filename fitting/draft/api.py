@@ -18,8 +18,8 @@ from fitting.draft.decays import (
     lines_of_recording,
 )
 from fitting.draft.document import Draft
-from fitting.draft.files import NOISE, files_of, settled
-from fitting.draft.maps import LIST, Series, map_draft, series_of
+from fitting.draft.files import NOISE, MapFile, files_of, settled
+from fitting.draft.maps import LIST, map_draft, series_of
 from fitting.draft.model import ONE_MODE, TWO_MODES, Offer, offer_of
 from fitting.draft.questions import Answers, Ask, Question
 from fitting.draft.sweeps import check_one_line, sweeps_draft
@@ -211,7 +211,7 @@ def _of_frequency(
         series = series_of(paths, columns, control, folder, joint=joint)
         if series is not None:
             with _listed(series, folder), _offer(fmu or TWO_MODES, answers) as offer:
-                draft = map_draft(series.map, offer, answers, folder)
+                draft = map_draft(series, offer, answers, folder)
             return replace(draft, said=(series.words, *draft.said))
     files = settled(files_of(paths, columns, answers), answers)
     if fmu in (None, ONE_MODE):
@@ -225,11 +225,11 @@ def _of_frequency(
 
 
 @contextmanager
-def _listed(series: Series, folder: Path) -> Iterator[None]:
+def _listed(series: MapFile, folder: Path) -> Iterator[None]:
     """The list of a map's files beside the campaign; as it was where no campaign comes of it."""
     path = folder / LIST
     before = path.read_bytes() if path.is_file() else None
-    write_whole(path, series.text)
+    write_whole(path, series.listing)
     try:
         yield
     except BaseException:

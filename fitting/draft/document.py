@@ -30,18 +30,8 @@ from fitting.text.units import same_kind
 
 #: A sweep, to see whether a campaign that has none yet can be read.
 EXAMPLE = "frequency (Hz),amplitude (V)\n" + "".join(f"{f},{1.0 + f % 3}\n" for f in range(1, 9))
-#: The fit of a line by itself: the prior only helps at the start.
-CONTINUATION: Mapping[str, Any] = {
-    "nu_start": 1e-6,
-    "beta": 0.001,
-    "iterations": 2,
-    "misfit": "squares",
-    "starts": 1,
-    "seed": 1,
-}
-FIRST = "A first campaign, written by fmu-fit init from these files: it runs as it is."
 HEAD = (
-    FIRST,
+    "A first campaign, written by fmu-fit init from these files: it runs as it is.",
     "What a remark calls a guess is one; fmu-fit help campaign lists every key.",
 )
 #: Letters in a line of the head.
@@ -85,6 +75,17 @@ def noted(value: Any, remark: str) -> Any:
         remark: where it comes from.
     """
     return Noted(value, remark)
+
+
+#: The fit of a line by itself.
+CONTINUATION: Mapping[str, Any] = {
+    "nu_start": noted(1e-6, "the prior only helps at the start"),
+    "beta": 0.001,
+    "iterations": 2,
+    "misfit": "squares",
+    "starts": 1,
+    "seed": 1,
+}
 
 
 def draft_from(
@@ -196,30 +197,20 @@ def fitted_tables(
         derived: outputs that are reported.
         searched: whether the remark on other minima is wanted.
     """
-    made: dict[str, Any] = {"parameters": [parameter_table(box) for box in boxes]}
+    parameters = []
+    for box in boxes:
+        unit = {} if box.unit == "1" else {"unit": box.unit}
+        ends = {"lower": box.lower, "upper": box.upper}
+        start = {"start": noted(box.start, box.why), "scale": box.scale}
+        parameters.append({"name": box.name, **unit, **ends, **start})
+    made: dict[str, Any] = {"parameters": parameters}
     if derived:
         made["derived"] = {"outputs": derived}
     made["continuation"] = dict(CONTINUATION)
-    made["continuation"]["nu_start"] = noted(
-        CONTINUATION["nu_start"], "the prior only helps at the start"
-    )
     if searched:
-        made["continuation"]["starts"] = noted(
-            CONTINUATION["starts"], "3: also the lowest minima that a search finds"
-        )
+        minima = "3: also the lowest minima that a search finds"
+        made["continuation"]["starts"] = noted(CONTINUATION["starts"], minima)
     return made
-
-
-def parameter_table(box: Box) -> dict[str, Any]:
-    """Table of a parameter.
-
-    Args:
-        box: its bounds and start.
-    """
-    unit = {} if box.unit == "1" else {"unit": box.unit}
-    start = noted(box.start, box.why)
-    ends = {"lower": box.lower, "upper": box.upper}
-    return {"name": box.name, **unit, **ends, "start": start, "scale": box.scale}
 
 
 def starts_words(boxes: Sequence[Box]) -> list[str]:

@@ -210,11 +210,16 @@ class SweepFile:
 
 @dataclass(frozen=True, kw_only=True)
 class MapFile:
-    """Spectra over a control quantity in one table: ``found`` says which."""
+    """Spectra over a control quantity in one table: ``found`` says which.
 
-    path: Path
+    Of several files that make one, ``listing`` is the text of the table that lists them, and
+    ``words`` the sentence on what the control is and where it was found.
+    """
+
     roles: Roles
     found: ControlMap
+    listing: str = ""
+    words: str = ""
 
     def refused(self, why: str, *, drafted: bool = False) -> BadInput:
         """What to do with it by hand, where no draft can be made of it.
@@ -224,7 +229,7 @@ class MapFile:
             drafted: whether another FMU would have one.
         """
         way = self.found.way(phases=self.roles.is_complex, drafted=drafted)
-        return BadInput(f"{self.path}: is a map, {self.found.words}; {why}. {way}")
+        return BadInput(f"{self.found.path}: is a map, {self.found.words}; {why}. {way}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -296,23 +301,22 @@ class Files:
         ]
 
     @property
-    def two(self) -> TwoLines | None:
-        """The two resonances of the first sweep that shows them, where none shows a single one."""
+    def pair(self) -> SweepFile | None:
+        """The first sweep that shows two resonances, where none shows a single one."""
         if self.line is not None:
             return None
-        return next((sweep.two for sweep in self.sweeps if sweep.two is not None), None)
+        return next((sweep for sweep in self.sweeps if sweep.two is not None), None)
 
     @property
-    def describes_two(self) -> bool:
-        """Whether a model of two modes describes these two; so it is, where none was looked at."""
-        result = next((s.modes for s in self.sweeps if s.two is not None), None)
-        return result is None or result.describes
+    def two(self) -> TwoLines | None:
+        """These two resonances."""
+        return None if self.pair is None else self.pair.two
 
     @property
     def modes(self) -> TwoModes | None:
-        """What describes these two, where it is more than each of them by itself."""
-        result = next((s.modes for s in self.sweeps if s.two is not None), None)
-        return None if self.line is not None or result is None or result.kind == BESIDE else result
+        """What describes them, where it is more than each of them by itself."""
+        modes = None if self.pair is None else self.pair.modes
+        return None if modes is None or modes.kind == BESIDE else modes
 
 
 def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files:
@@ -339,7 +343,7 @@ def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files
         with contextlib.suppress(BadInput):  # its reader complains
             roles = roles_of(path, own)
             if (result := map_in(roles)) is not None:
-                maps.append(MapFile(path=path, roles=roles, found=result))
+                maps.append(MapFile(roles=roles, found=result))
     if maps and len(paths) > 1:
         raise maps[0].refused("wanted it without other files")
     if maps:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -94,25 +94,13 @@ _LIST = re.compile(rf"(?P<list>{REAL}(?:\s*,\s*{REAL})*)\s*(?P<unit>{UNIT})?")
 _FIELDS = ("frequency", "sizes", "phase", "real", "imaginary")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Series:
-    """The map that several files make, the text of the table that lists them, and its control.
-
-    ``words`` is the sentence on what the control is and where it was found.
-    """
-
-    map: MapFile
-    text: str
-    words: str
-
-
 #: Laws of the variables that follow a control: formula, and coefficients with their units, by name.
 Laws = Mapping[str, tuple[str, Mapping[str, tuple[float, str]]]]
 
 
 def series_of(
     paths: Sequence[Path], columns: Columns, requested: str | None, folder: Path, *, joint: bool
-) -> Series | None:
+) -> MapFile | None:
     """Several sweeps as a map over a control; None where they are none, and may be fitted jointly.
 
     Args:
@@ -213,7 +201,7 @@ def _joined(
     control: tuple[str, str, tuple[float, ...]],
     where: str,
     folder: Path,
-) -> Series:
+) -> MapFile:
     """One recording of all points, the files in the order of the control."""
     name, unit, values = control
     order = np.argsort(values, kind="stable")
@@ -259,9 +247,10 @@ def _joined(
     cells = [[f"{name} ({unit})", FILE]]
     for value, path in zip(settings, paths, strict=True):
         cells.append([f"{value:.12g}", relative_path(path, folder)])
-    return Series(
-        map=MapFile(path=table, roles=replace(roles[0], **made), found=result),
-        text=csv_text(cells),
+    return MapFile(
+        roles=replace(roles[0], **made),
+        found=result,
+        listing=csv_text(cells),
         words=str(blocks("draft/text").control(quantity, settings.tolist(), where)),
     )
 
@@ -313,7 +302,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     name = TABLES[file.roles.is_complex]
     of_whole_file(file.roles, name)
     measured: dict[str, Any] = {
-        "file": file.path,
+        "file": file.found.path,
         "controls": noted([control.name], f"{len(file.found.rows)} values, a spectrum for each"),
     }
     if file.roles.sizes is not None and not file.roles.is_complex:
@@ -329,7 +318,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     read = "what the detector reads: both modes" if shared else "what the detector sees: mode 1"
     moved = f"{control.name} moves it, a guess"
     tables: dict[str, Any] = {
-        "title": file.path.stem,
+        "title": file.found.path.stem,
         "fmu": fmu_table(offer, start, () if shared else ("g2",), taken),
         "observe": {
             "output": noted(output, read),
@@ -401,7 +390,9 @@ def _spectra(file: MapFile) -> tuple[Spectra, list[ComplexArray]]:
     order = [rows[np.argsort(f[rows])] for rows in file.found.rows]
     amplitudes = [np.abs(values[rows]) for rows in order]
     if not all(np.any(each > 0.0) for each in amplitudes):
-        raise BadInput(f"{file.path}: a spectrum is zero at all frequencies, wanted a resonance")
+        raise BadInput(
+            f"{file.found.path}: a spectrum is zero at all frequencies, wanted a resonance"
+        )
     spectra = Spectra(file.found.settings[:, 0], [f[rows] for rows in order], amplitudes)
     phased = order if np.iscomplexobj(values) else []
     return spectra, [np.asarray(values[rows], dtype=complex) for rows in phased]

@@ -27,7 +27,7 @@ from fitting.draft.document import (
     starts_words,
 )
 from fitting.draft.files import Files, SweepFile
-from fitting.draft.model import COUPLING, UNCOUPLED, Offer
+from fitting.draft.model import COUPLING, FIRST_OUTPUT, UNCOUPLED, Offer
 from fitting.draft.questions import Answers, Question
 from fitting.draft.two_modes import DRIVEN, TwoModes
 from fitting.lines.names import (
@@ -210,7 +210,8 @@ def _undescribed(files: Files, offer: Offer) -> str:
     """What the campaign's FMU does not describe of a sweep, and what would help."""
     if files.table is not None:
         return ""
-    if offer.is_model and files.two is not None and not files.describes_two:
+    modes = None if files.pair is None else files.pair.modes
+    if offer.is_model and modes is not None and not modes.describes:
         return str(blocks("draft/text").two_and_more())
     for sweep in files.sweeps:
         line = None if sweep.is_complex else sweep.driven_line
@@ -314,9 +315,7 @@ def _output(files: Files, offer: Offer, answers: Answers) -> str:
     unit = next((c.unit for c in sizes if c is not None and c.unit), None)
     alike = [n for n in offer.outputs if unit and same_kind(offer.unit(n), unit)]
     default = (alike or offer.outputs)[0]
-    why = "the first one with continuous values"
-    if alike:
-        why = f"in {offer.unit(default)} like the file"
+    why = f"in {offer.unit(default)} like the file" if alike else FIRST_OUTPUT
     words = "Which output of the FMU does the detector see?"
     return answers.one_of("output", words, offer.outputs, default, why)
 
@@ -475,15 +474,9 @@ def _amplitude(files: Files, answers: Answers) -> str:
     units = [c.unit or "" for c in (*peaks, *sizes) if c is not None]
     if files.table is None or meaning(units, "peak") in ("dB", "dBm"):
         return meaning(units, "peak")
-    [kind] = answers.of(
-        Question(
-            key="amplitudes",
-            words="Are the amplitudes in the files peak values or rms?",
-            options=("peak", "rms"),
-            default=("peak",),
-            why="no file states which they are, and a scale takes it out where all mean the same",
-        )
-    )
+    words = "Are the amplitudes in the files peak values or rms?"
+    why = "no file states which they are, and a scale takes it out where all mean the same"
+    kind = answers.one_of("amplitudes", words, ("peak", "rms"), "peak", why)
     return meaning(units, kind)
 
 

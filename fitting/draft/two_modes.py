@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,8 @@ BY_CHANCE = 0.01
 ROUNDS, GAIN = 300, 1e-12
 #: Unknowns of x that each model has.
 UNKNOWNS = {BESIDE: 5, COUPLED: 5, DRIVEN: 6}
+#: Drives of the second mode, g, from which coupled modes begin: none, or both signs.
+STARTS: Mapping[str, tuple[tuple[float, ...], ...]] = {COUPLED: ((),), DRIVEN: ((0.1,), (-0.1,))}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,28 +82,26 @@ def two_modes_of(trace: Trace) -> TwoModes | None:
     if pair is None:
         return None
     y = values / float(np.max(trace.amplitude))
-    fits = {kind: _Fit(trace.frequency_hz, y, pair, kind).lowest() for kind in UNKNOWNS}
+    models = {kind: _Model(trace.frequency_hz, y, pair, kind) for kind in UNKNOWNS}
+    fits = {kind: model.lowest() for kind, model in models.items()}
     linear = 4 if trace.is_complex else 1
-    result = [
-        (
-            chance(
-                squares,
-                UNKNOWNS[kind] + linear,
-                pair.squares,
-                pair.unknowns,
-                pair.structure,
-                trace.rows,
-            ),
-            kind,
+    probabilities = {
+        kind: chance(
+            squares,
+            UNKNOWNS[kind] + linear,
+            pair.squares,
+            pair.unknowns,
+            pair.structure,
+            trace.rows,
         )
         for kind, (squares, _) in fits.items()
         if math.isfinite(squares)
-    ]
-    if not result:
+    }
+    if not probabilities:
         return None
-    likely = [each for each in result if each[0] > BY_CHANCE]
-    _, kind = likely[0] if likely else min(result, key=lambda each: fits[each[1]][0])
-    return _Fit(trace.frequency_hz, y, pair, kind).told(fits[kind][1], describes=bool(likely))
+    likely = [kind for kind, by_chance in probabilities.items() if by_chance > BY_CHANCE]
+    kind = likely[0] if likely else min(probabilities, key=lambda each: fits[each][0])
+    return models[kind].modes_at(fits[kind][1], describes=bool(likely))
 
 
 def apart_hz(
@@ -125,8 +126,8 @@ def apart_hz(
     return tuple(np.abs(lines - [*np.sqrt(np.abs(own)), *wide]).tolist())
 
 
-class _Fit:
-    """A model fitted to a sweep over its largest value.
+class _Model:
+    """A model of two modes, and a sweep over its largest value.
 
     x holds shifts of both modes from the middle of the lines and logarithms of their widths, both
     over the larger of the widths and the distance, then k over 2 f0 of it, and g.
@@ -140,8 +141,7 @@ class _Fit:
         both = list(zip((pair, *pair.others), heights, strict=True))
         both.sort(key=lambda each: each[0].frequency.value)
         self.numbers = [line.frequency for line, _ in both] + [line.width for line, _ in both]
-        self.place_hz = np.array([line.frequency.value for line, _ in both])
-        self.width_hz = np.array([line.width.value for line, _ in both])
+        self.place_hz, self.width_hz = np.reshape([each.value for each in self.numbers], (2, 2))
         self.height = np.array([height for _, height in both])
         self.middle = float(np.mean(self.place_hz))
         self.unit = max(float(np.ptp(self.place_hz)), float(np.max(self.width_hz)))
@@ -151,83 +151,74 @@ class _Fit:
         widths = self.unit * np.exp(np.clip(x[2:4], -30.0, 30.0))
         return [(self.middle + self.unit * float(x[k]), float(widths[k])) for k in (0, 1)]
 
-    def response(self, x: FloatArray) -> ComplexArray:
-        """S over 1/(2 f0 unit), (n,)."""
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """What the best gain, and a constant beside phases, leaves of S."""
         size = 2.0 * self.middle * self.unit
         one, two = (
             ((a - self.f) * (a + self.f) + 1j * self.f * w) / size for a, w in self.modes(x)
         )
         if self.kind == BESIDE:
-            return np.asarray(1.0 / one + x[4] / two)
-        more = x[4] * x[5] if self.kind == DRIVEN else 0.0
-        return np.asarray((two + more) / (one * two - x[4] ** 2))
-
-    def residuals(self, x: FloatArray) -> FloatArray:
-        """What the best gain, and a constant beside phases, leaves."""
-        response = self.response(x)
+            response = 1.0 / one + x[4] / two
+        else:
+            more = x[4] * x[5] if self.kind == DRIVEN else 0.0
+            response = (two + more) / (one * two - x[4] ** 2)
         if not np.iscomplexobj(self.y):
-            size = np.abs(response)
-            return np.asarray(size * float(size @ self.y) / float(size @ size) - self.y)
+            made = np.abs(response)
+            return np.asarray(made * float(made @ self.y) / float(made @ made) - self.y)
         columns = np.column_stack([response, np.ones(self.f.size)])
         return both_parts(columns @ np.linalg.lstsq(columns, self.y, rcond=None)[0] - self.y)
 
     def lowest(self) -> tuple[float, FloatArray]:
         """Squares and x of the lowest minimum; infinite where there is none."""
         best = math.inf, np.zeros(UNKNOWNS[self.kind])
-        for begin in self.begins():
+        for start in self.starts():
             with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-                x, squares = minimise_squares(self.residuals, begin, rounds=ROUNDS, gain=GAIN)
+                x, squares = minimise_squares(self.residuals, start, rounds=ROUNDS, gain=GAIN)
                 best = min(best, (squares, x), key=lambda each: each[0])
         return best
 
-    def begins(self) -> list[FloatArray]:
+    def starts(self) -> list[FloatArray]:
         """Where the fit begins, from the lines of the pair."""
-        poles = (self.place_hz - self.middle + 0.5j * self.width_hz) / self.unit
-        residues = self.height * self.width_hz
-        p1, p2 = map(complex, poles)
-        z = complex((residues[0] * p2 + residues[1] * p1) / (residues[0] + residues[1]))
+        p1, p2 = map(complex, (self.place_hz - self.middle + 0.5j * self.width_hz) / self.unit)
+        r1, r2 = self.height * self.width_hz
+        z = complex((r1 * p2 + r2 * p1) / (r1 + r2))
         zeros = [z] if np.iscomplexobj(self.y) else [z, z.conjugate()]
+
+        def start(one: complex, two: complex, *more: float) -> FloatArray:
+            widths = [math.log(2.0 * max(p.imag, 1e-6)) for p in (one, two)]
+            return np.array([one.real, two.real, *widths, *more])
+
         if self.kind == BESIDE:  # of both signs: those of the pair may be the mirrored ones
             ratios = {abs((zero - p2) / (p1 - zero)) for zero in zeros if zero != p1}
-            return [_begin(p1, p2, sign * g) for g in sorted(ratios) for sign in (1.0, -1.0)]
+            return [start(p1, p2, sign * g) for g in sorted(ratios) for sign in (1.0, -1.0)]
         made = []
+        least = 0.05 * min(p1.imag, p2.imag)
         for zero in zeros:
-            for more in ((), (0.0,)) if self.kind == COUPLED else ((0.1,), (-0.1,)):
-                made.append(self.coupled(p1, p2, zero, more))
+            # modes with the poles and the zero, as near as a real coupling comes
+            two = complex(zero.real, max(zero.imag, least))
+            one = p1 + p2 - two
+            one = complex(one.real, max(one.imag, least))
+            square = (-(p1 - two) * (p2 - two)).real
+            k = math.sqrt(max(square, 0.01))
+            made += [start(one, two, k, *g) for g in STARTS[self.kind]]
         return made
 
-    def coupled(
-        self, p1: complex, p2: complex, zero: complex, more: tuple[float, ...]
-    ) -> FloatArray:
-        """x of coupled modes with poles and a zero, as near as a real coupling comes."""
-        two = complex(zero.real, max(zero.imag, 0.05 * min(p1.imag, p2.imag)))
-        one = p1 + p2 - two
-        one = complex(one.real, max(one.imag, 0.05 * min(p1.imag, p2.imag)))
-        square = (-(p1 - two) * (p2 - two)).real
-        return _begin(one, two, math.sqrt(max(square, 0.01)), *more)
-
-    def told(self, x: FloatArray, *, describes: bool) -> TwoModes:
+    def modes_at(self, x: FloatArray, *, describes: bool) -> TwoModes:
         """The values of x in their units."""
         (f1, w1), (f2, w2) = self.modes(x)
-        coupled = self.kind != BESIDE
-        strength = math.sqrt(2.0 * self.middle * self.unit * abs(float(x[4]))) if coupled else 0.0
-        drive = float(x[4]) if self.kind == BESIDE else 0.0
-        if self.kind == DRIVEN:  # lambda^2 has a sign of its own, which g2 takes
-            drive = math.copysign(float(x[5]), float(x[4] * x[5]))
+        coupling, drive = 0.0, float(x[4])
+        if self.kind != BESIDE:
+            coupling = math.sqrt(2.0 * self.middle * self.unit * abs(float(x[4])))
+            # lambda^2 has a sign of its own, which g2 takes
+            drive = math.copysign(float(x[5]), float(x[4] * x[5])) if self.kind == DRIVEN else 0.0
         return TwoModes(
             kind=self.kind,
             frequency_hz=(f1, f2),
             width_hz=(w1, w2),
-            coupling_hz=strength,
+            coupling_hz=coupling,
             drive=drive,
             describes=describes,
             line_hz=tuple(number.value for number in self.numbers),
             line_std_hz=tuple(number.std for number in self.numbers),
-            apart_hz=apart_hz((f1, f2), (w1, w2), strength),
+            apart_hz=apart_hz((f1, f2), (w1, w2), coupling),
         )
-
-
-def _begin(one: complex, two: complex, *more: float) -> FloatArray:
-    """x of two modes p = f + i w/2."""
-    widths = [math.log(2.0 * max(p.imag, 1e-6)) for p in (one, two)]
-    return np.array([one.real, two.real, *widths, *more])
