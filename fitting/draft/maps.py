@@ -301,19 +301,6 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     rotated, delayed = phases_of(crossing, spectra, values) if values else (False, False)
     name = TABLES[file.roles.is_complex]
     of_whole_file(file.roles, name)
-    measured: dict[str, Any] = {
-        "file": file.found.path,
-        "controls": noted([control.name], f"{len(file.found.rows)} values, a spectrum for each"),
-    }
-    if file.roles.sizes is not None and not file.roles.is_complex:
-        kind = (answers.told.get("amplitudes") or ("peak",))[0]
-        kind = meaning([file.roles.sizes.unit or ""], kind)
-        no_part = "peak or rms plays no part: each spectrum has its own scale"
-        measured["amplitude"] = noted(kind, no_part)
-        if kind == "dBm":
-            measured["impedance"] = noted(LOAD, "plays no part either")
-    measured |= columns_of(file.roles)
-    measured |= phase_keys(rotated=rotated, delayed=delayed)
     taken = "not measured: leave it out where you know it to be so"
     read = "what the detector reads: both modes" if shared else "what the detector sees: mode 1"
     moved = f"{control.name} moves it, a guess"
@@ -325,8 +312,8 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
             "steady_start": noted(True, "nothing to settle"),
         },
         "drive": {"kind": "tones", "frequencies": ["u1"], "amplitudes": ["A1"], "level": 1.0},
-        name: measured,
-        "laws": {name: noted(formula, moved) for name, (formula, _) in laws.items()},
+        name: _measured(file, answers) | phase_keys(rotated=rotated, delayed=delayed),
+        "laws": {variable: noted(law, moved) for variable, (law, _) in laws.items()},
     }
     if origin:
         value = f"{origin:g} {control.unit}"
@@ -396,6 +383,25 @@ def _spectra(file: MapFile) -> tuple[Spectra, list[ComplexArray]]:
     spectra = Spectra(file.found.settings[:, 0], [f[rows] for rows in order], amplitudes)
     phased = order if np.iscomplexobj(values) else []
     return spectra, [np.asarray(values[rows], dtype=complex) for rows in phased]
+
+
+def _measured(file: MapFile, answers: Answers) -> dict[str, Any]:
+    """The table of a map."""
+    made: dict[str, Any] = {
+        "file": file.found.path,
+        "controls": noted(
+            [channel.name for channel in file.found.controls],
+            f"{len(file.found.rows)} values, a spectrum for each",
+        ),
+    }
+    if file.roles.sizes is not None and not file.roles.is_complex:
+        [kind] = answers.told.get("amplitudes") or ("peak",)
+        kind = meaning([file.roles.sizes.unit or ""], kind)
+        no_part = "peak or rms plays no part: each spectrum has its own scale"
+        made["amplitude"] = noted(kind, no_part)
+        if kind == "dBm":
+            made["impedance"] = noted(LOAD, "plays no part either")
+    return made | columns_of(file.roles)
 
 
 def _law(
