@@ -17,14 +17,9 @@ from fitting.ensembles.result import FAILED, EnsembleRow, EnsembleValue
 from fitting.extension.fmu import NeededFile, place_of
 from fitting.extension.problem import Valued
 from fitting.extension.records import WrittenFmu, read_campaign
+from fitting.lab.laboratories import AnyBench, bench_of
 from fitting.lab.names import CURVES, TRUTH_NAME
-from fitting.lab.synthesis import (
-    AnyBench,
-    Synthetic,
-    bench_of,
-    synthesize,
-    synthesize_curves,
-)
+from fitting.lab.synthesis import Synthetic, synthesize, synthesize_curves
 from fitting.lab.true_values import nearest, true_values
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput, FmuFailure

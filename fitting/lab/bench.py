@@ -14,8 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fitting.lab.drive import Drive
-from fitting.lab.string import TwoModes
+from fitting.lab.string import Drive, TwoModes
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.toml import Tables
 
@@ -81,6 +80,11 @@ class Bench:
                 f"the sample by {moved:g} Hz, wanted less than eta_plus_hz = "
                 f"{self.modes.eta_plus_hz:.10g} Hz"
             )
+
+    @property
+    def kind(self) -> str:
+        """What the bench is called."""
+        return self.series
 
     @property
     def modes(self) -> TwoModes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,37 +12,28 @@ from fitting.extension.command import bounded_number, seed, writes
 from fitting.lab.names import CROSSING, CURVES, PUMPED, SERIES, SUBHARMONIC, TRUTH_NAME
 
 if TYPE_CHECKING:
-    from fitting.lab.instruments.lock_in import LockIns
-    from fitting.lab.instruments.phase_detector import PhaseDetectors
+    from fitting.lab.instruments import LockIns
 
 NAME = "synthesize"
 EXAMPLE = "fmu-fit synthesize --series q1 --seed 7 --out mine"
 
-#: option -> (field of the bench, or of its modes, what it is)
-BENCH_OPTIONS = {
+#: option -> (field of the bench or of its sample, what it is)
+OPTIONS = {
     "noise-scale": ("noise_scale", "factor on every source of randomness; 0 makes exact data"),
     "drift": ("drift_hz", "linear drift of both eigenfrequencies over the series, Hz"),
     "curvature": ("curvature_hz", "departure from linear drift at the middle, Hz"),
     "crest": ("crest_v", "height of the sweep's maximum, V"),
-}
-MODE_OPTIONS = {
     "theta": ("theta_rad", "angle of the orthogonal matrix, rad"),
     "d1": ("d1_hz", "damping of the first uncoupled mode, Hz"),
     "d2": ("d2_hz", "damping of the second uncoupled mode, Hz"),
     "eta-plus": ("eta_plus_hz", "lower eigenfrequency at the middle of the series, Hz"),
     "eta-minus": ("eta_minus_hz", "upper eigenfrequency at the middle of the series, Hz"),
-}
-#: option of the string driven hard -> (field of its cubic terms, what it is)
-CUBIC_OPTIONS = {
     "alpha1": ("alpha1", "duffing: cubic coefficient of the first mode, 1/(m²·s²)"),
     "alpha2": ("alpha2", "duffing: cubic coefficient of the second mode, 1/(m²·s²)"),
     "kappa": ("kappa", "duffing: cubic coefficient between the modes, 1/(m²·s²)"),
-}
-LEVEL_OPTIONS = {
     "level": ("level", "duffing: strongest drive of each tone, the others in proportion, m/s²"),
     "weak-level": ("weak_level", "duffing: drive of the sweep that sets the scale, m/s²"),
 }
-OPTIONS = {**BENCH_OPTIONS, **MODE_OPTIONS, **CUBIC_OPTIONS, **LEVEL_OPTIONS}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -133,96 +123,88 @@ def run(args: argparse.Namespace) -> int:
         BadInput: no truth next to the campaign named, an impossible value, or a folder that holds
             a campaign which is not synthetic.
     """
+    from fitting.extension.report import printed_lines
+
     if (args.plan is None) != (args.truth is None):
         raise ff.BadInput("synthesize: --plan and --truth are wanted together")
+    _refuse_meaningless(args)
+    changes = {field: _value(args, option) for option, (field, _) in OPTIONS.items()}
+    changes["reflection"] = args.reflection
+    instrument = None
     if args.series in CURVES:
-        return _curve(args)
-    if args.modes is not None:
-        raise ff.BadInput("--modes: has no meaning here, only with --series crossing")
-    if args.reference:
-        raise ff.BadInput("--reference: has no meaning here, only with --series crossing")
-    if args.noise is not None and not (args.cross_mode or args.phases):
-        raise ff.BadInput("--noise: has no meaning here, only with --cross-mode or --phases")
-    if args.restart and not args.phases:
-        raise ff.BadInput("--restart: has no meaning here, only with --phases")
-    if args.series in (PUMPED, SUBHARMONIC) and (args.phases or args.cross_mode):
-        raise ff.BadInput(
-            f"{'--phases' if args.phases else '--cross-mode'}: has no meaning with --series "
-            f"{args.series}, whose sweeps of one line are recorded as amplitudes; wanted none"
-        )
+        changes |= {"noise": args.noise, "modes": args.modes}
+        changes |= {name: getattr(args, name) or None for name in ("phases", "reference")}
+    elif args.phases or args.cross_mode:
+        instrument = _lock_ins(args)
     made = ff.synthesize(
         args.series or args.like or args.truth,
         seed=args.seed,
-        instrument=_lock_ins(args),
+        instrument=instrument,
         plan=args.plan,
         command=_command(args),
-        **_changes(args),
+        **{field: value for field, value in changes.items() if value is not None},
     )
+    path = made.write(args.out)
+    # the campaign that was written, and the next command
     what = f"the plan {args.plan}" if args.plan else _measured(made.measured)
-    return _print(args, made.write(args.out), what)
-
-
-def _print(args: argparse.Namespace, path: Path, what: str) -> int:
-    """The campaign that was written, and the next command."""
-    from fitting.extension.report import printed_lines
-
-    title, status = "Synthetic campaign", f"seed {args.seed}"
     command = shlex.join(["fmu-fit", "reconstruct", str(path)])
-    entries = [("measured", what)]
+    title, status, entries = "Synthetic campaign", f"seed {args.seed}", [("measured", what)]
     print(*printed_lines("files", "campaign", title, status, entries, path, command), sep="\n")
     return 0
 
 
+def _refuse_meaningless(args: argparse.Namespace) -> None:
+    """Refuse options that what is measured does not have."""
+    crossing, curve = args.series == CROSSING, args.series in CURVES
+    given = {
+        "cross-mode": args.cross_mode,
+        "restart": args.restart,
+        "phases": args.phases,
+        "modes": args.modes is not None,
+        "reference": args.reference,
+        "reflection": args.reflection is not None,
+        **{option: _value(args, option) is not None for option in OPTIONS},
+    }
+    others, reason = set(), ""
+    if curve:
+        others = given.keys() - ({"phases", "modes", "reference"} if crossing else set())
+    elif args.series in (PUMPED, SUBHARMONIC):
+        others = {"phases", "cross-mode"}
+        reason = ", whose sweeps of one line are recorded as amplitudes; wanted none"
+    for option, is_given in given.items():
+        if is_given and option in others:
+            raise ff.BadInput(f"--{option}: has no meaning with --series {args.series}{reason}")
+    lock_ins = args.cross_mode or args.phases
+    for option, wanted, is_wrong in (
+        ("modes", "--series crossing", given["modes"] and not crossing),
+        ("reference", "--series crossing", args.reference and not crossing),
+        ("noise", "--cross-mode or --phases", args.noise is not None and not (curve or lock_ins)),
+        ("restart", "--phases", args.restart and not args.phases),
+    ):
+        if is_wrong:
+            raise ff.BadInput(f"--{option}: has no meaning here, only with {wanted}")
+
+
 def _measured(measured: Any) -> str:
-    from fitting.lab.curves import Curve, kind_of
+    """What was measured, in words."""
+    from fitting.lab.curve import Curve
     from fitting.lab.pumped import PumpedSweeps
 
     if isinstance(measured, Curve):
-        return kind_of(measured)
+        return str(measured.kind)
     if isinstance(measured, PumpedSweeps):
         return f"{len(measured.amplitude_v)} sweeps"
     return f"{len(measured.bench.pairs_hz)} drive pairs"
 
 
-def _curve(args: argparse.Namespace) -> int:
-    """Write the campaign of a curve: a seed and a noise, of a crossing also phases and modes."""
-    others = {"cross-mode": args.cross_mode, "restart": args.restart}
-    others |= {"phases": args.phases and args.series != CROSSING}
-    others |= {"modes": args.modes is not None and args.series != CROSSING}
-    others |= {"reference": args.reference and args.series != CROSSING}
-    others |= {"plan": args.plan, "reflection": args.reflection is not None}
-    others |= {option: _value(args, option) is not None for option in OPTIONS}
-    for option, given in others.items():
-        if given:
-            raise ff.BadInput(f"--{option}: has no meaning with --series {args.series}")
-    changes = {} if args.noise is None else {"noise": args.noise}
-    changes |= {"phases": True} if args.phases else {}
-    changes |= {} if args.modes is None else {"modes": args.modes}
-    changes |= {"reference": True} if args.reference else {}
-    made = ff.synthesize_curves(
-        args.series, seed=args.seed, command=_command(args), out=None, **changes
-    )
-    return _print(args, made.write(args.out), args.series)
+def _lock_ins(args: argparse.Namespace) -> LockIns:
+    from fitting.lab.instruments import LockIns
 
-
-def _lock_ins(args: argparse.Namespace) -> LockIns | PhaseDetectors | None:
-    from fitting.lab.instruments.lock_in import LockIns
-    from fitting.lab.instruments.phase_detector import PhaseDetectors
-
-    if args.phases:
-        restarts = tuple(sorted({n - 1 for n in args.restart}))
-        result = PhaseDetectors(both=args.cross_mode, restarts=restarts)
-        return result if args.noise is None else replace(result, noise=args.noise)
-    if not args.cross_mode:
-        return None
-    return LockIns() if args.noise is None else LockIns(args.noise)
-
-
-def _changes(args: argparse.Namespace) -> dict[str, Any]:
-    """What the options change of the bench, by the names of its fields."""
-    values = {field: _value(args, option) for option, (field, _) in OPTIONS.items()}
-    values["reflection"] = args.reflection
-    return {field: value for field, value in values.items() if value is not None}
+    noise = {} if args.noise is None else {"noise": args.noise}
+    if not args.phases:
+        return LockIns(**noise)
+    restarts = tuple(sorted({n - 1 for n in args.restart}))
+    return LockIns(both=args.cross_mode, phases=True, restarts=restarts, **noise)
 
 
 def _value(args: argparse.Namespace, option: str) -> Any:
@@ -232,14 +214,11 @@ def _value(args: argparse.Namespace, option: str) -> Any:
 def _command(args: argparse.Namespace) -> str:
     """The command without --out: the same data made elsewhere are the same bytes."""
     words = ["fmu-fit", NAME]
-    for option in ("series", "like", "plan", "truth"):
-        value = getattr(args, option)
+    for option in ("series", "like", "plan", "truth", "seed", *OPTIONS):
+        value = _value(args, option)
         if value is not None:
-            words += [f"--{option}", value.as_posix() if isinstance(value, Path) else value]
-    words += ["--seed", str(args.seed)]
-    for option in OPTIONS:
-        if _value(args, option) is not None:
-            words += [f"--{option}", repr(_value(args, option))]
+            text = value.as_posix() if isinstance(value, Path) else value
+            words += [f"--{option}", text if isinstance(text, str) else repr(text)]
     words += ["--cross-mode"] if args.cross_mode else []
     words += ["--phases"] if args.phases else []
     words += ["--modes", str(args.modes)] if args.modes is not None else []

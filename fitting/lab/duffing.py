@@ -20,8 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitting.lab.drive import Drive
-from fitting.lab.string import TWO_PI, TwoModes
+from fitting.lab.string import Drive, TwoModes, dynamic_stiffness
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Orders that are tried one after the other, and the change of a line, relative to the largest, at
@@ -143,7 +142,7 @@ class _Balance:
         self.factors = _odd_factors(len(drive.tones_hz), order)
         self.count = len(self.factors)
         lines_hz = self.factors @ np.array(drive.tones_hz)
-        self.linear = _matrices(modes, lines_hz)
+        self.linear = dynamic_stiffness(modes, lines_hz)
         force = np.zeros((self.count, 2), dtype=complex)
         for tone, amplitude in enumerate(drive.amplitudes):
             alone = (self.factors == np.eye(len(drive.tones_hz), dtype=int)[tone]).all(axis=1)
@@ -236,16 +235,6 @@ def _odd_factors(tones: int, order: int) -> NDArray[np.int64]:
         if sum(map(abs, k)) <= order and sum(k) % 2 and next(x for x in k if x) > 0
     ]
     return np.array(rows, dtype=np.int64)
-
-
-def _matrices(modes: TwoModes, lines_hz: FloatArray) -> ComplexArray:
-    """A(u) of the linear system at every line, (n, 2, 2), in 1/s^2; u may be negative."""
-    t = modes.transform()
-    damping = TWO_PI * (t @ np.diag([modes.d1_hz, modes.d2_hz]) @ t.T)
-    matrix = 1j * TWO_PI * lines_hz[:, np.newaxis, np.newaxis] * damping
-    for i, eta in enumerate((modes.eta_plus_hz, modes.eta_minus_hz)):
-        matrix[:, i, i] += TWO_PI**2 * (eta - lines_hz) * (eta + lines_hz)
-    return np.asarray(matrix)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -17,14 +17,12 @@ import numpy as np
 
 from fitting.lab.modes import CoupledModes, Pump
 from fitting.lab.names import PUMPED
-from fitting.lab.string import TwoModes
-from fitting.lab.writer import written_mhz
+from fitting.lab.string import STRING, TwoModes
+from fitting.lab.writer import record_table, sample_campaign, synthetic_files, written_mhz
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.toml import Tables
 
-STRING = TwoModes(
-    theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
-)
 #: Depth of the pump and its detuning from `PumpedBench.apart_hz`, Hz, one pair for each sweep.
 SETTINGS = (
     (0.0, 0.0),
@@ -50,8 +48,8 @@ class PumpedString(ABC):
         ValueError: numbers that are no bench.
     """
 
-    #: Name of the bench and of its table in truth.toml.
-    NAME: ClassVar[str]
+    #: Name of the bench, of its sample campaign, and of its table in truth.toml.
+    kind: ClassVar[str]
     #: Fields with a table of their own.
     ELSEWHERE: ClassVar[tuple[str, ...]] = ("string",)
     #: Controls of its sweeps, with their units.
@@ -70,7 +68,11 @@ class PumpedString(ABC):
             raise ValueError("wanted 8 points or more, a positive crest and noise")
         if self.noise_scale < 0.0:
             raise ValueError("wanted a noise_scale that is not negative")
-        check_rotation(self.string)
+        theta = self.string.theta_rad
+        if self.string.reflection or math.sin(theta) * math.cos(theta) > 0.0:
+            raise ValueError(
+                f"theta = {theta} rad has no lambda: wanted a rotation with sin 2 theta not above 0"
+            )
 
     @abstractmethod
     def true_v(self) -> FloatArray:
@@ -110,13 +112,9 @@ class PumpedString(ABC):
             BadInput: always.
         """
         raise BadInput(
-            f"plan: asks for both quadratures, but the bench {self.NAME!r} records amplitudes; "
+            f"plan: asks for both quadratures, but the bench {self.kind!r} records amplitudes; "
             "wanted [control_sweep]"
         )
-
-    @abstractmethod
-    def outcome(self) -> dict[str, float]:
-        """Values of the sample that follow from the bench, by name."""
 
     def constants(self) -> dict[str, str]:
         """Constants of its campaign."""
@@ -125,9 +123,41 @@ class PumpedString(ABC):
             "minus": written_mhz(self.string.eta_minus_hz),
         }
 
-    def tables(self) -> dict[str, Any]:
-        """Further tables of truth.toml that describe it."""
-        return {}
+    def truth(self, seed: int) -> dict[str, Any]:
+        """Everything that was put in; all tables but [outcome] make the bench again.
+
+        Args:
+            seed: of the noise.
+        """
+        widths = self.string.widths_hz()
+        return {
+            self.kind: record_table(self, self.ELSEWHERE),
+            "modes": record_table(self.string),
+            "outcome": {"seed": seed, "width_plus_hz": widths[0], "width_minus_hz": widths[1]},
+        }
+
+    def made(
+        self, seed: int, head: Sequence[str]
+    ) -> tuple[PumpedSweeps, dict[str, Any], dict[str, str]]:
+        """What was measured, its truth, and the files of the campaign by relative name.
+
+        Args:
+            seed: of the noise.
+            head: lines that open every file.
+
+        Raises:
+            ValueError: a pump makes the motion grow, which has no steady state.
+        """
+
+        def edit(tables: Tables) -> None:
+            tables["control_sweep"]["sigma"] = f"{self.noise_v!r} V"
+            for name, value in self.constants().items():
+                tables["constants"][name] = value
+
+        measured, truth = measure_pumped(self, seed), self.truth(seed)
+        columns = self.columns() | {"amplitude (uV)": measured.amplitude_v.ravel() * 1e6}
+        campaign = sample_campaign(self.kind, edit, head)
+        return measured, truth, synthetic_files(campaign, {"sweeps.csv": columns}, truth, head)
 
     def about_plus_hz(self, span_hz: float) -> FloatArray:
         """Frequencies of a sweep, (points,).
@@ -149,7 +179,7 @@ class PumpedBench(PumpedString):
     eigenfrequencies change by over all of them.
     """
 
-    NAME = PUMPED
+    kind = PUMPED
     UNITS: ClassVar[Mapping[str, str]] = {"detuning": "Hz", "depth": "1", "time": "h"}
 
     settings: tuple[tuple[float, float], ...] = SETTINGS
@@ -196,9 +226,16 @@ class PumpedBench(PumpedString):
         """Constants of its campaign."""
         return super().constants() | {"apart": f"{self.apart_hz!r} Hz"}
 
-    def outcome(self) -> dict[str, float]:
-        """The coupling."""
-        return {"lambda_hz": pumped_modes(self.string, 0.0, self.apart_hz).coupling_hz[0, 1]}
+    def truth(self, seed: int) -> dict[str, Any]:
+        """Everything that was put in, and the coupling.
+
+        Args:
+            seed: of the noise.
+        """
+        result = super().truth(seed)
+        coupling = pumped_modes(self.string, 0.0, self.apart_hz).coupling_hz
+        result["outcome"]["lambda_hz"] = coupling[0, 1]
+        return result
 
     def time_h(self, k: int) -> float:
         """When the k-th sweep is taken, hours after the middle of the series.
@@ -228,14 +265,6 @@ class PumpedBench(PumpedString):
         check_steady(sample, f"a pump of depth {depth:g} at {self.apart_hz + detuning_hz:g} Hz")
         return np.asarray(self.volts * (sample.response(u_hz) @ self.string.transform()[0]))
 
-    def at(self, k: int) -> TwoModes:
-        """The string at the k-th sweep, drifted.
-
-        Args:
-            k: number of the sweep, from 0.
-        """
-        return self.string.shifted(self.drift_hz * (k / (len(self.settings) - 1) - 0.5))
-
     def response(self, k: int) -> FloatArray:
         """Amplitudes (points,) of the observed mode in the k-th sweep, in m under 1 m/s2.
 
@@ -252,23 +281,8 @@ class PumpedBench(PumpedString):
             k: number of the sweep, from 0.
         """
         depth, detuning = self.settings[k]
-        return pumped_modes(self.at(k), depth, self.apart_hz + detuning)
-
-
-def check_rotation(string: TwoModes) -> None:
-    """Complain of a string without a coupling that is real.
-
-    Args:
-        string: the two modes, by angle and eigenfrequencies.
-
-    Raises:
-        ValueError: it is a reflection, or sin 2 theta is above 0.
-    """
-    if string.reflection or math.sin(string.theta_rad) * math.cos(string.theta_rad) > 0.0:
-        raise ValueError(
-            f"theta = {string.theta_rad} rad has no lambda: wanted a rotation with "
-            "sin 2 theta not above 0"
-        )
+        drifted = self.string.shifted(self.drift_hz * (k / (len(self.settings) - 1) - 0.5))
+        return pumped_modes(drifted, depth, self.apart_hz + detuning)
 
 
 def pumped_modes(string: TwoModes, depth: float, pump_hz: float) -> CoupledModes:

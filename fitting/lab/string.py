@@ -1,4 +1,4 @@
-"""A sample of the virtual laboratory: two coupled modes, by the closed form of their steady state.
+"""What is driven: two coupled modes by the closed form of their steady state, and what drives them.
 
 It is in numpy's complex arithmetic and shares no code with the FMU, so that a fit through the FMU
 is tried against something else than itself.
@@ -7,14 +7,63 @@ is tried against something else than itself.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, replace
 
 import numpy as np
 
-from fitting.lab.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray
 
 TWO_PI = 2.0 * math.pi
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Tones in Hz, all with phase zero, and the acceleration of each in m/s^2.
+
+    ``gains`` is what each of the two modes sees of them; ``lines`` are the combinations that are
+    read, "2 u1 - u2" as (2, -1); () the tones themselves.
+
+    Raises:
+        ValueError: not a tone, two that are equal, or not an amplitude for each.
+    """
+
+    tones_hz: tuple[float, ...]
+    amplitudes: tuple[float, ...]
+    _: KW_ONLY
+    gains: tuple[float, float] = (1.0, 1.0)
+    lines: tuple[tuple[int, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.tones_hz or len(set(self.tones_hz)) < len(self.tones_hz):
+            raise ValueError(f"tones {self.tones_hz} Hz, wanted one or two that differ")
+        if len(self.amplitudes) != len(self.tones_hz):
+            raise ValueError(f"{len(self.amplitudes)} amplitudes for tones {self.tones_hz} Hz")
+
+    @classmethod
+    def equal(cls, tones_hz: Sequence[float], level: float) -> Drive:
+        """Tones that all have the same amplitude.
+
+        Args:
+            tones_hz: frequencies of the tones, Hz.
+            level: amplitude of every tone, m/s².
+        """
+        return cls(tuple(tones_hz), (level,) * len(tones_hz))
+
+    @property
+    def read(self) -> tuple[tuple[int, ...], ...]:
+        """The combinations that are read, written out."""
+        count = len(self.tones_hz)
+        alone = tuple(tuple(int(i == k) for i in range(count)) for k in range(count))
+        return self.lines or alone
+
+    def tone_of(self, line: Sequence[int]) -> int | None:
+        """The place of the tone that a combination is, None for one of several.
+
+        Args:
+            line: factors of the tones, one each.
+        """
+        return list(line).index(1) if sorted(line)[-1] == 1 and sum(map(abs, line)) == 1 else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +131,12 @@ class TwoModes:
         return np.array([np.zeros(2) if tone is None else answer[tone] for tone in tones])
 
 
+#: The paper's nanostring in its q1 series, in the middle of the drift.
+STRING = TwoModes(
+    theta_rad=1.9498, d1_hz=120.0, d2_hz=90.0, eta_plus_hz=6940260.0, eta_minus_hz=7027600.0
+)
+
+
 def steady_state(
     modes: TwoModes, frequency_hz: FloatArray, gains: tuple[float, float] = (1.0, 1.0)
 ) -> ComplexArray:
@@ -97,10 +152,20 @@ def steady_state(
         gains: of the two modes into the output.
     """
     u = np.asarray(frequency_hz, dtype=float)
-    t = modes.transform()
+    drive = np.broadcast_to(np.array(gains, dtype=complex)[:, np.newaxis], (u.size, 2, 1))
+    return np.asarray(np.linalg.solve(dynamic_stiffness(modes, u), drive)[:, :, 0])
+
+
+def dynamic_stiffness(modes: TwoModes, frequency_hz: FloatArray) -> ComplexArray:
+    """A(u) (n, 2, 2) of the hybridised modes at frequencies u, which may be negative, in 1/s^2.
+
+    Args:
+        modes: the two modes: η, damping and angle, as `TwoModes` explains.
+        frequency_hz: frequencies (n,), Hz.
+    """
+    u, t = frequency_hz, modes.transform()
     damping = TWO_PI * (t @ np.diag([modes.d1_hz, modes.d2_hz]) @ t.T)
     matrix = 1j * TWO_PI * u[:, np.newaxis, np.newaxis] * damping
     for i, eta in enumerate((modes.eta_plus_hz, modes.eta_minus_hz)):
         matrix[:, i, i] += TWO_PI**2 * (eta - u) * (eta + u)
-    drive = np.broadcast_to(np.array(gains, dtype=complex)[:, np.newaxis], (u.size, 2, 1))
-    return np.asarray(np.linalg.solve(matrix, drive)[:, :, 0])
+    return np.asarray(matrix)

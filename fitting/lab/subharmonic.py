@@ -50,7 +50,7 @@ class SubharmonicBench(PumpedString):
     pump acts on the mode called 1 alone.
     """
 
-    NAME = SUBHARMONIC
+    kind = SUBHARMONIC
     ELSEWHERE = ("string", "sweeps")
     UNITS: ClassVar[Mapping[str, str]] = {"volts": "V", "pump": "Hz"}
 
@@ -85,11 +85,14 @@ class SubharmonicBench(PumpedString):
         """Of the detector for each m, by its unpumped line, V/m."""
         width = self.string.widths_hz()[0]
         u_hz = self.string.eta_plus_hz + np.linspace(-0.1, 0.1, 21) * width
-        return self.crest_v / float(np.max(self.magnitude(0.0, self.eta_apart_hz, u_hz)))
+        return self.crest_v / float(np.max(np.abs(self.phasors(0.0, self.eta_apart_hz, u_hz))))
 
     def true_v(self) -> FloatArray:
         """Amplitudes (sweeps, points) without noise, V."""
-        waves = [self.swept(s.volts, s.pump_hz, self.about_plus_hz(s.span_hz)) for s in self.sweeps]
+        waves = [
+            self.swept_at({"volts": s.volts, "pump": s.pump_hz}, self.about_plus_hz(s.span_hz))
+            for s in self.sweeps
+        ]
         return np.asarray(np.abs(np.array(waves)))
 
     def columns(self) -> dict[str, FloatArray]:
@@ -108,21 +111,28 @@ class SubharmonicBench(PumpedString):
         Args:
             at: voltage and frequency of the pump.
             u_hz: frequencies, (n,), Hz.
-        """
-        return self.swept(at["volts"], at["pump"], u_hz)
 
-    def outcome(self) -> dict[str, float]:
-        """Frequencies of the uncoupled modes, and their coupling."""
-        sample = self.sample(0.0, self.eta_apart_hz)
-        return {
-            "f1_hz": sample.f_hz[0],
-            "f2_hz": sample.f_hz[1],
+        Raises:
+            ValueError: the pump makes the motion grow, which has no steady state.
+        """
+        volts, pump_hz = at["volts"], at["pump"]
+        check_steady(self.sample(volts, pump_hz), f"a pump of {volts:g} V at {pump_hz:g} Hz")
+        return np.asarray(self.detector_v * self.phasors(volts, pump_hz, u_hz))
+
+    def truth(self, seed: int) -> dict[str, Any]:
+        """Everything that was put in, frequencies of the uncoupled modes, and their coupling.
+
+        Args:
+            seed: of the noise.
+        """
+        result, sample = super().truth(seed), self.sample(0.0, self.eta_apart_hz)
+        f1_hz, f2_hz = sample.f_hz
+        result["outcome"] |= {
+            "f1_hz": f1_hz,
+            "f2_hz": f2_hz,
             "lambda_hz": sample.coupling_hz[0, 1],
         }
-
-    def tables(self) -> dict[str, Any]:
-        """The sweeps."""
-        return {"sweep": [asdict(sweep) for sweep in self.sweeps]}
+        return {**result, "sweep": [asdict(sweep) for sweep in self.sweeps]}
 
     def sample(self, volts: float, pump_hz: float) -> CoupledModes:
         """The string under a pump, in its uncoupled coordinates.
@@ -154,30 +164,6 @@ class SubharmonicBench(PumpedString):
         waves = self.sample(volts, pump_hz).response(u_hz)
         return np.asarray(waves @ self.string.transform()[0])
 
-    def swept(self, volts: float, pump_hz: float, u_hz: FloatArray) -> ComplexArray:
-        """Phasors of one more sweep, V, (n,), without noise.
-
-        Args:
-            volts: of the pump.
-            pump_hz: its frequency, Hz.
-            u_hz: frequencies, (n,), Hz.
-
-        Raises:
-            ValueError: the pump makes the motion grow, which has no steady state.
-        """
-        check_steady(self.sample(volts, pump_hz), f"a pump of {volts:g} V at {pump_hz:g} Hz")
-        return np.asarray(self.detector_v * self.phasors(volts, pump_hz, u_hz))
-
-    def magnitude(self, volts: float, pump_hz: float, u_hz: FloatArray) -> FloatArray:
-        """Amplitudes (n,) of the observed mode, in m under 1 m/s2.
-
-        Args:
-            volts: of the pump.
-            pump_hz: its frequency, Hz.
-            u_hz: frequencies, (n,), Hz.
-        """
-        return np.asarray(np.abs(self.phasors(volts, pump_hz, u_hz)))
-
     def peaks_hz(self, volts: float, pump_hz: float, reach_hz: float) -> tuple[float, float]:
         """The two highest peaks of the line under a pump, Hz, lower one first; equal: there is one.
 
@@ -188,7 +174,7 @@ class SubharmonicBench(PumpedString):
         """
         count = int(2.0 * reach_hz * SOUGHT / self.string.widths_hz()[0]) + 1
         u_hz = self.string.eta_plus_hz + np.linspace(-reach_hz, reach_hz, count)
-        observed = self.magnitude(volts, pump_hz, u_hz)
+        observed = np.abs(self.phasors(volts, pump_hz, u_hz))
         at = 1 + np.flatnonzero((observed[1:-1] > observed[:-2]) & (observed[1:-1] >= observed[2:]))
         tops = sorted(at, key=lambda k: -observed[k])[:2]
         result = sorted(_top(u_hz[k - 1 : k + 2], observed[k - 1 : k + 2]) for k in tops)

@@ -4,68 +4,36 @@
 
 in normal coordinates: with x = (q, q') = V z the equation is z' = s z + V^-1 b u, so that z turns
 by exp(s t) where u is zero, and by steps of h, exp(s h) z + (exp(s h) - 1)/s V^-1 b u, where a
-generator holds u. Nothing here is the FMU. Noise is Gaussian and white.
+generator holds u. Demodulated at the frequency f of a tone that ends at zero it is
+
+    q(t) = Re[z(t) exp(2 pi i f t)],   z = x before zero, sum_k c_k exp((s_k - 2 pi i f) t) after
+
+with the steady answer x, and the rates s_k (Im s_k > 0) and parts c_k of free motion; no sample
+lies within a period. A lock-in amplifier records X and Y of z, an analyser with a span of zero |z|
+as a level. Nothing here is the FMU. Noise is Gaussian and white, of phasors in each quadrature.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from fitting.lab.names import CHIRP, RINGDOWN, TRUTH_NAME
+from fitting.lab.curve import FEW_LEVELS, Curve, parameter
+from fitting.lab.names import CHIRP, LOCK_IN, RINGDOWN
 from fitting.lab.string import TWO_PI, TwoModes, steady_state
-from fitting.lab.truth import REMARK
-from fitting.lab.writer import CAMPAIGN_NAME, csv_text
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.errors import BadInput
-from fitting.text.toml import toml_text
 
 #: Columns of the file: what is seen, and what drives.
 TIME, OUTPUT, SOURCE = "time (ms)", "string (mV)", "source (m/s2)"
-#: Levels of the regularisation: the start is near.
-FEW_LEVELS = {"nu_start": 1e-6, "beta": 0.01, "iterations": 1, "misfit": "squares", "starts": 1}
 LEAST_SAMPLES = 64
-#: Numbers that need not be above zero, and those of them that are not below it.
-SIGNED, NOT_NEGATIVE = ("theta_rad", "offset_v", "noise", "before_s"), ("noise", "before_s")
-
-
-def refuse_impossible(numbers: Mapping[str, Any], samples: Callable[[], int]) -> None:
-    """Refuse numbers that no string over time has.
-
-    Args:
-        numbers: of the laboratory, by name; words are passed over.
-        samples: how many samples they make, asked once they are sound.
-
-    Raises:
-        BadInput: names the number.
-    """
-    for name, value in numbers.items():
-        if isinstance(value, str | bool):
-            continue
-        if not math.isfinite(value) or not (name in SIGNED or value > 0.0):
-            wanted = "a number" if name in SIGNED else "a number above zero"
-            raise BadInput(f"synthesize: {name}: found {value!r}, wanted {wanted}")
-    for name in NOT_NEGATIVE:
-        if numbers[name] < 0.0:
-            raise BadInput(f"synthesize: {name}: found {numbers[name]}, wanted zero or more")
-    if not numbers["eta_plus_hz"] < numbers["eta_minus_hz"]:
-        raise BadInput(
-            f"synthesize: eta_plus_hz: found {numbers['eta_plus_hz']}, wanted less than "
-            f"eta_minus_hz ({numbers['eta_minus_hz']})"
-        )
-    if samples() < LEAST_SAMPLES:
-        raise BadInput(
-            f"synthesize: length_s: found {numbers['length_s']}, wanted {LEAST_SAMPLES} samples"
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
-class StringRecord(TwoModes, ABC):
+class StringRecord(TwoModes, Curve):
     """A string over time, of which the first of both strings is observed.
 
     ``kind`` is what is recorded. ``rate_hz`` samples a second over ``length_s`` s, from
@@ -74,11 +42,10 @@ class StringRecord(TwoModes, ABC):
     tone. ``noise`` is the standard deviation of a sample over the largest one.
 
     Raises:
-        BadInput: numbers that no string has.
+        ValueError: numbers that no string has.
     """
 
-    #: Digits of the lines' frequencies in the campaign.
-    DIGITS: ClassVar[int] = 6
+    TABLE: ClassVar[str] = "trace"
 
     kind: str
     level: float = 50.0
@@ -91,7 +58,14 @@ class StringRecord(TwoModes, ABC):
     noise: float = 0.01
 
     def __post_init__(self) -> None:
-        refuse_impossible(asdict(self), lambda: self.times_s().size)
+        Curve.__post_init__(self)
+        if not self.eta_plus_hz < self.eta_minus_hz:
+            raise ValueError(
+                f"eta_plus_hz: found {self.eta_plus_hz}, wanted less than eta_minus_hz "
+                f"({self.eta_minus_hz})"
+            )
+        if self.times_s().size < LEAST_SAMPLES:
+            raise ValueError(f"length_s: found {self.length_s}, wanted {LEAST_SAMPLES} samples")
 
     def times_s(self) -> FloatArray:
         """Of the samples, (n,); the drive ends at zero."""
@@ -111,70 +85,47 @@ class StringRecord(TwoModes, ABC):
         [x] = steady_state(self.modes, np.array([self.drive_hz]))
         return np.asarray(x * self.level)
 
-    @abstractmethod
-    def recorded(self, rng: np.random.Generator) -> tuple[dict[str, FloatArray], float]:
-        """Columns of the file, and the noise of a sample, V.
+    def campaign_of(
+        self,
+        title: str,
+        name: str,
+        table: Mapping[str, Any],
+        start: Mapping[str, float],
+        parameters: Sequence[Mapping[str, Any]],
+    ) -> dict[str, Any]:
+        """Tables of a campaign of one record, whose FMU drives itself by nothing.
 
         Args:
-            rng: of the noise.
+            title: without its end.
+            name: of the table of the record.
+            table: its keys apart from those of every record.
+            start: further start values of the FMU.
+            parameters: tables of the parameters.
         """
-
-    @abstractmethod
-    def table(self) -> tuple[str, dict[str, Any]]:
-        """Name and keys of the campaign's table of the record."""
-
-    @property
-    @abstractmethod
-    def title(self) -> str:
-        """Of the campaign, without its end."""
-
-    def fixed(self) -> dict[str, Any]:
-        """Start values of the FMU, which drives itself by nothing."""
-        return {"A1": 0.0, "A2": 0.0}
-
-    def parameters(self) -> list[dict[str, Any]]:
-        """Starts next to the truth: a tenth of what both lines are apart, half as wide again."""
-        apart = self.eta_minus_hz - self.eta_plus_hz
-        etas = (("eta_plus", self.eta_plus_hz, -0.08), ("eta_minus", self.eta_minus_hz, 0.1))
-        widths = (("d1", self.d1_hz), ("d2", self.d2_hz))
-        return [
-            *(
-                parameter(
-                    name,
-                    "Hz",
-                    (eta - 0.45 * apart, eta + 0.45 * apart),
-                    eta + off * apart,
-                    digits=self.DIGITS,
-                )
-                for name, eta, off in etas
-            ),
-            *(parameter(name, "Hz", (0.1 * d, 10.0 * d), 1.5 * d) for name, d in widths),
-        ]
-
-    def files(self, seed: int, head: Sequence[str]) -> dict[str, str]:
-        """Texts by file name: campaign, trace and truth.
-
-        Args:
-            seed: of the noise.
-            head: lines that open every file.
-        """
-        columns, sigma = self.recorded(np.random.default_rng(seed))
-        name, table = self.table()
-        campaign = {
-            "title": f"{self.title} (synthetic)",
+        return {
+            "title": f"{title} (synthetic)",
             "synthetic": True,
-            "fmu": {"model": "CoupledOscillator", "start": self.fixed()},
+            "fmu": {"model": "CoupledOscillator", "start": {"A1": 0.0, "A2": 0.0, **start}},
             "observe": {"output": "q1"},
-            name: [{"file": "trace.csv", "input": "b"} | table],
-            "parameters": self.parameters(),
+            name: [{"file": "trace.csv", "input": "b", **table}],
+            "parameters": parameters,
             "continuation": FEW_LEVELS,
         }
-        truth = {"trace": asdict(self), "outcome": {"seed": seed, "sigma_v": sigma}}
-        return {
-            CAMPAIGN_NAME: toml_text(campaign, head),
-            "trace.csv": csv_text(columns, head),
-            TRUTH_NAME: toml_text(truth, [*head, REMARK]),
-        }
+
+    def parameters(self, digits: int) -> list[dict[str, Any]]:
+        """Starts next to the truth: a tenth of what both lines are apart, half as wide again.
+
+        Args:
+            digits: of frequencies that are written.
+        """
+        apart, result = self.eta_minus_hz - self.eta_plus_hz, []
+        etas = (("eta_plus", self.eta_plus_hz, -0.08), ("eta_minus", self.eta_minus_hz, 0.1))
+        for name, eta, off in etas:
+            bounds = (eta - 0.45 * apart, eta + 0.45 * apart)
+            result.append(parameter(name, "Hz", bounds, eta + off * apart, digits))
+        for name, d in (("d1", self.d1_hz), ("d2", self.d2_hz)):
+            result.append(parameter(name, "Hz", (0.1 * d, 10.0 * d), 1.5 * d, 6))
+        return result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,56 +153,106 @@ class StringTrace(StringRecord):
 
     def values(self) -> FloatArray:
         """What is seen at the samples, (n,), V, without noise."""
-        observed = self._let_go() if self.kind == RINGDOWN else self._driven()
+        t, read = self.times_s(), self.modes.transform()[:, 0]
+        if self.kind == RINGDOWN:
+            # steady under the tone until zero, free from then on
+            rates, shapes, z = self.free_motion()
+            free = read @ shapes[:2] @ (np.exp(rates[:, None] * np.maximum(t, 0.0)) * z[:, None])
+            steady = (read @ self.steady()) * np.exp(2j * math.pi * self.drive_hz * t)
+            observed = np.where(t < 0.0, steady.real, free.real)
+        else:
+            # from rest, under what the source holds over a step
+            rates, shapes = normal_modes(self.modes)
+            push = np.linalg.solve(shapes, np.array([0.0, 0.0, 1.0, 1.0]) + 0j).astype(complex)
+            turn = np.exp(rates * (1.0 / self.rate_hz))
+            gain = np.expm1(rates * (1.0 / self.rate_hz)) / rates * push
+            normal, source = np.zeros((rates.size, t.size), dtype=complex), self.source()
+            for k in range(1, t.size):
+                normal[:, k] = turn * normal[:, k - 1] + gain * source[k - 1]
+            observed = (read @ shapes[:2] @ normal).real
         return np.asarray(self.offset_v + self.gain_v * observed)
 
-    def _let_go(self) -> FloatArray:
-        """Of the first string, m: steady under the tone until zero, free from then on."""
-        decays, shapes, z = self.free_motion()
-        t, read = self.times_s(), self.modes.transform()[:, 0]
-        free = read @ shapes[:2] @ (np.exp(decays[:, None] * np.maximum(t, 0.0)) * z[:, None])
-        steady = (read @ self.steady()) * np.exp(2j * math.pi * self.drive_hz * t)
-        return np.asarray(np.where(t < 0.0, steady.real, free.real))
-
-    def _driven(self) -> FloatArray:
-        """Of the first string, m: from rest, under the source."""
-        decays, shapes = normal_modes(self.modes)
-        push = np.linalg.solve(shapes, np.array([0.0, 0.0, 1.0, 1.0]) + 0j).astype(complex)
-        z = _held(decays, push, self.source(), 1.0 / self.rate_hz)
-        return np.asarray((self.modes.transform()[:, 0] @ shapes[:2] @ z).real)
-
-    def recorded(self, rng: np.random.Generator) -> tuple[dict[str, FloatArray], float]:
+    def recorded(
+        self, rng: np.random.Generator
+    ) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:
         """Times, what is observed, and the source of a chirp; the noise of a sample."""
         exact = self.values()
         sigma = self.noise * float(np.max(np.abs(exact - np.mean(exact))))
         observed = exact + sigma * rng.standard_normal(exact.size)
         columns = {TIME: 1e3 * self.times_s(), OUTPUT: 1e3 * observed}
-        return columns | ({SOURCE: self.source()} if self.kind == CHIRP else {}), sigma
+        columns |= {SOURCE: self.source()} if self.kind == CHIRP else {}
+        return {"trace.csv": columns}, {"sigma_v": sigma}
+
+    def campaign(self) -> dict[str, Any]:
+        """Of a free decay start and gain are free, and it does not show the angle."""
+        table: dict[str, Any]
+        title, parameters, theta = f"A string's {self.kind}", self.parameters(6), self.theta_rad
+        if self.kind == RINGDOWN:
+            table = {"offset": True, "start": "unknown", "begin": "found", "states": 4}
+            table["columns"] = {"output": "string"}
+            return self.campaign_of(title, "trace", table, {"theta": theta}, parameters)
+        table = {"gain": "fit", "offset": True, "interpolation": "held"}
+        table["columns"] = {"output": "string", "input": "source"}
+        bounds = (theta - 0.25 * math.pi, theta + 0.25 * math.pi)
+        parameters.append(parameter("theta", "rad", bounds, theta - 0.1, 6))
+        return self.campaign_of(title, "trace", table, {}, parameters)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StringPhasors(StringRecord):
+    """A string whose tone at ``drive_hz`` ends at zero, demodulated at that frequency.
+
+    ``lock-in``: X and Y of the first of both strings, on which two modes beat; ``zero-span``: the
+    level of its one mode, in dBm of a 50 ohm load. ``offset_v`` leaks into X. ``noise`` is the
+    standard deviation of each quadrature over the largest amplitude.
+    """
 
     @property
-    def title(self) -> str:
-        """Of the campaign."""
-        return f"A string's {self.kind}"
+    def modes(self) -> TwoModes:
+        """The string; one that a zero span sees has a mode of its own."""
+        return self if self.kind == LOCK_IN else replace(self, theta_rad=0.0, kind=LOCK_IN)
 
-    def table(self) -> tuple[str, dict[str, Any]]:
-        """Of a free decay the start is free, and with it the gain; a chirp is held and recorded."""
-        if self.kind == RINGDOWN:
-            free = {"offset": True, "start": "unknown", "begin": "found", "states": 4}
-            return "trace", free | {"columns": {"output": "string"}}
-        names = {"output": "string", "input": "source"}
-        kept = {"gain": "fit", "offset": True, "interpolation": "held"}
-        return "trace", kept | {"columns": names}
+    def values(self) -> ComplexArray:
+        """Phasors at the samples, (n,), V, without noise and offset."""
+        rates, shapes, z = self.free_motion()
+        t, read = self.times_s(), self.modes.transform()[:, 0]
+        tone = 2j * math.pi * self.drive_hz
+        forwards = rates.imag > 0.0
+        parts = 2.0 * (read @ shapes[:2]) * z
+        free = parts[forwards] @ np.exp(
+            (rates[forwards] - tone)[:, None] * np.maximum(t, 0.0)[None, :]
+        )
+        return np.asarray(self.gain_v * np.where(t < 0.0, read @ self.steady(), free))
 
-    def fixed(self) -> dict[str, Any]:
-        """A free decay does not show the angle."""
-        angle = {"theta": self.theta_rad} if self.kind == RINGDOWN else {}
-        return super().fixed() | angle
+    def recorded(
+        self, rng: np.random.Generator
+    ) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:
+        """Times with X and Y, or with levels; the noise of a quadrature."""
+        exact = self.values()
+        sigma = self.noise * float(np.max(np.abs(exact)))
+        draws = rng.standard_normal((2, exact.size))
+        observed = exact + sigma * (draws[0] + 1j * draws[1])
+        columns = {TIME: 1e3 * self.times_s()}
+        if self.kind == LOCK_IN:
+            observed = observed + self.offset_v
+            columns |= {"X (mV)": 1e3 * observed.real, "Y (mV)": 1e3 * observed.imag}
+        else:
+            # peak amplitude A is A^2/(2 R) in watts
+            power = np.abs(observed) ** 2 / (2.0 * 50.0)
+            columns["amplitude (dBm)"] = 10.0 * np.log10(power / 1e-3)
+        return {"trace.csv": columns}, {"sigma_v": sigma}
 
-    def parameters(self) -> list[dict[str, Any]]:
-        """Frequencies and widths; of a driven trace the angle, too."""
-        theta, quarter = self.theta_rad, 0.25 * math.pi
-        angle = parameter("theta", "rad", (theta - quarter, theta + quarter), theta - 0.1)
-        return super().parameters() + ([angle] if self.kind == CHIRP else [])
+    def campaign(self) -> dict[str, Any]:
+        """Phasors determine frequencies and widths, levels of one mode its width alone."""
+        title, theta = f"A string's decay, {self.kind}", self.modes.theta_rad
+        table: dict[str, Any] = {"frequency": f"{self.drive_hz!r} Hz", "begin": "found"}
+        start, parameters = {"theta": theta}, self.parameters(12)
+        if self.kind == LOCK_IN:
+            table |= {"modes": 2, "offset": True}
+        else:
+            start |= {"eta_plus": self.eta_plus_hz, "eta_minus": 2.0 * self.eta_plus_hz}
+            parameters = [p for p in parameters if p["name"] == "d1"]
+        return self.campaign_of(title, "demodulated_trace", table, start, parameters)
 
 
 #: A string that is let go, or driven by a chirp, as the laboratory has it.
@@ -270,22 +271,20 @@ LET_GO = StringTrace(
     rate_hz=2500.0,
     gain_v=100.0,
 )
-
-
-def parameter(
-    name: str, unit: str, box: tuple[float, float], start: float, digits: int = 6
-) -> dict[str, float | str]:
-    """Table of a parameter for a campaign.
-
-    Args:
-        name: of the variable.
-        unit: of all numbers.
-        box: bounds.
-        start: where a fit starts.
-        digits: that are written.
-    """
-    numbers = {"lower": box[0], "upper": box[1], "start": start}
-    return {"name": name, "unit": unit, **{k: float(f"{v:.{digits}g}") for k, v in numbers.items()}}
+#: A decay that is demodulated, as the laboratory has it.
+DECAY = StringPhasors(
+    kind=LOCK_IN,
+    theta_rad=1.95,
+    d1_hz=1.4,
+    d2_hz=0.8,
+    eta_plus_hz=1e6,
+    eta_minus_hz=1e6 + 4.0,
+    drive_hz=1e6 + 1.5,
+    length_s=1.0,
+    before_s=0.1,
+    rate_hz=400.0,
+    gain_v=1e5,
+)
 
 
 def normal_modes(modes: TwoModes) -> tuple[ComplexArray, ComplexArray]:
@@ -301,14 +300,3 @@ def normal_modes(modes: TwoModes) -> tuple[ComplexArray, ComplexArray]:
     a[2:, 2:] = -TWO_PI * (t @ np.diag([modes.d1_hz, modes.d2_hz]) @ t.T)
     decays, shapes = np.linalg.eig(a)
     return decays.astype(complex), shapes.astype(complex)
-
-
-def _held(rates: ComplexArray, push: ComplexArray, u: FloatArray, step_s: float) -> ComplexArray:
-    """Normal coordinates (4, n) from rest, under values u (n,) that are held over steps."""
-    turn = np.exp(rates * step_s)
-    gain = np.expm1(rates * step_s) / rates * push
-    z, result = np.zeros(rates.size, dtype=complex), np.empty((rates.size, u.size), dtype=complex)
-    for k, value in enumerate(u):
-        result[:, k] = z
-        z = turn * z + gain * value
-    return result

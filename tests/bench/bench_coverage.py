@@ -34,8 +34,9 @@ from fitting.fmu.variables import VariableLike
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.lab.bench import Instrument, Series, measure
-from fitting.lab.benches import changed, string_bench
-from fitting.lab.instruments.phase_detector import PhaseDetectors
+from fitting.lab.benches import string_bench
+from fitting.lab.instruments import LockIns
+from fitting.lab.laboratories import changed
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Response
@@ -163,7 +164,9 @@ def pair_offsets(series: Series, bound: BoundCampaign) -> dict[str, float]:
 
 def phases(seed: int, variables: Variables, folder: Path) -> Laboratory:
     """The same with X and Y, 1 % noise, and a restart before the fourth pair."""
-    return offsets(seed, variables, folder, PhaseDetectors(noise=CROSS_NOISE, restarts=(3,)))
+    return offsets(
+        seed, variables, folder, LockIns(CROSS_NOISE, both=False, phases=True, restarts=(3,))
+    )
 
 
 def gain(seed: int, variables: Variables, folder: Path) -> Laboratory:

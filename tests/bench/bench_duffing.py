@@ -22,10 +22,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import build_fmu
 from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
-from fitting.lab.drive import Drive
 from fitting.lab.duffing import Cubic, steady_lines
-from fitting.lab.instruments.markers import READ
-from fitting.lab.string import TwoModes
+from fitting.lab.instruments import READ
+from fitting.lab.string import Drive, TwoModes
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.window import Window, plan_window
 from tests.support.fmus import Instance, unpack

@@ -25,7 +25,8 @@ import numpy as np
 import fitting as ff
 from fitting.campaign import bind
 from fitting.fit.problem import problem_of
-from fitting.lab.pumped import STRING, PumpedBench
+from fitting.lab.pumped import PumpedBench
+from fitting.lab.string import STRING
 from fitting.lab.synthesis import synthesize
 from fitting.text.arrays import FloatArray, Scalar
 from tests.bench.records import Records

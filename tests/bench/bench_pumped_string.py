@@ -35,7 +35,7 @@ from scipy.stats import binomtest
 
 import build_fmu
 import fitting as ff
-from fitting.lab.pumped import STRING
+from fitting.lab.string import STRING
 from fitting.lab.subharmonic import PumpedSweep, SubharmonicBench, closest_peaks_hz
 from fitting.lab.synthesis import synthesize
 from fitting.lab.true_values import true_values

@@ -30,7 +30,8 @@ import fitting as ff
 from fitting.campaign.parameters import starts, to_search
 from fitting.fit.objective import evaluate_many
 from fitting.lab.bench import Bench
-from fitting.lab.synthesis import bench_of, synthesize
+from fitting.lab.laboratories import bench_of
+from fitting.lab.synthesis import synthesize
 from tests.support.extreme_scenes import Scene, write
 from tests.support.processes import spent_s
 

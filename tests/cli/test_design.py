@@ -16,10 +16,8 @@ from fitting.cli.main import main
 from fitting.design.result import Design, read_design, read_ways
 from fitting.fmu.description import read_description
 from fitting.lab.bench import Row, measure_rows
-from fitting.lab.drive import Drive
-from fitting.lab.instruments.averaged import Averaged
-from fitting.lab.string import steady_state
-from fitting.lab.truth import read_bench
+from fitting.lab.instruments import Averaged
+from fitting.lab.string import Drive, steady_state
 from fitting.report.shown import shown_campaign
 from fitting.text.errors import BadInput
 from fitting.text.records import write_json
@@ -27,6 +25,7 @@ from tests.fit import test_swap
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.in_process import told
 from tests.support.report_records import result_for
+from tests.support.string_benches import read_bench
 from tests.support.string_part import string_part
 
 pytestmark = pytest.mark.usefixtures("swift_models")

@@ -20,7 +20,7 @@ from fitting.design.information import Place, Series
 from fitting.design.limits import DesignTable, Limits, limits_of, refuse_wider
 from fitting.design.tones import ToneCandidates
 from fitting.fmu import FmuWorkers
-from fitting.lab.instruments.phase_detector import PhaseDetectors
+from fitting.lab.instruments import LockIns
 from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
@@ -42,7 +42,7 @@ def workers(swift_fmu: Path) -> Iterator[FmuWorkers]:
 def bound(workers: FmuWorkers, tmp_path_factory: pytest.TempPathFactory) -> BoundCampaign:
     """The q1 series with phases, an offset of every pair from its drift."""
     folder = tmp_path_factory.mktemp("phases")
-    made = ff.synthesize("q1", seed=2, instrument=PhaseDetectors())
+    made = ff.synthesize("q1", seed=2, instrument=LockIns(both=False, phases=True))
     write_all(folder, made.files)
     return bind(read_campaign(folder / "campaign.toml"), workers.description.variables)
 
@@ -146,7 +146,9 @@ def test_information_of_complex_data_is_that_of_their_rows(
 
 def test_the_proposed_campaign_asks_for_both_quadratures(swift_fmu: Path, tmp_path: Path) -> None:
     """Its columns are filled in by a virtual laboratory, and read back."""
-    made = ff.synthesize("q1", seed=2, instrument=PhaseDetectors(), noise_scale=0.01)
+    made = ff.synthesize(
+        "q1", seed=2, instrument=LockIns(both=False, phases=True), noise_scale=0.01
+    )
     made.write(tmp_path / "old")
     design, limits = designed(2)
     bound = ff.Problem.of(tmp_path / "old" / "campaign.toml", ff.Fmu(swift_fmu)).record.together

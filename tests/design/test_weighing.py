@@ -23,7 +23,6 @@ from fitting.design.result import Design, DriveChoice
 from fitting.design.tones import ToneCandidates, tone_choices
 from fitting.design.weighing import Goal, Weighed, weigh
 from fitting.fmu import FmuWorkers
-from fitting.lab.truth import read_bench
 from fitting.lines.form import fit_resonance
 from fitting.text.errors import BadInput
 from fitting.text.files import write_all
@@ -32,6 +31,7 @@ from tests.support import closed_form
 from tests.support.datasets import linear
 from tests.support.design_laboratories import Laboratory
 from tests.support.exhaustive import exhaustive
+from tests.support.string_benches import read_bench
 
 Q1 = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
 TRUTH = np.array([1.9498, 120.0, 90.0])

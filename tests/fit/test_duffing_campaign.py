@@ -20,8 +20,8 @@ from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
 from fitting.lab.bench import measure
 from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
-from fitting.lab.drive import Drive
 from fitting.lab.duffing import steady_lines
+from fitting.lab.string import Drive
 from fitting.lab.writer import campaign_files
 from fitting.measurements.plan import Plan
 from fitting.result.provenance import Identity

@@ -27,8 +27,9 @@ from fitting.inference.estimates import outputs_of
 from fitting.inference.joint import consistency
 from fitting.inference.likelihood.knowledge import JointResult
 from fitting.lab.bench import measure
-from fitting.lab.benches import changed, string_bench
-from fitting.lab.instruments.lock_in import LockIns
+from fitting.lab.benches import string_bench
+from fitting.lab.instruments import LockIns
+from fitting.lab.laboratories import changed
 from fitting.lab.writer import campaign_files
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation

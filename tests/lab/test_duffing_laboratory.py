@@ -12,10 +12,9 @@ import pytest
 
 from fitting.lab.bench import measure
 from fitting.lab.benches import duffing_bench, with_level
-from fitting.lab.drive import Drive
 from fitting.lab.duffing import Cubic, NoSteadyState, lines_to_order, steady_lines
-from fitting.lab.instruments.markers import READ
-from fitting.lab.string import TwoModes, steady_state
+from fitting.lab.instruments import READ
+from fitting.lab.string import Drive, TwoModes, steady_state
 from tests.support import duffing_reference
 
 ETA, QUALITY = 1000.0, 25.0

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import fitting as ff
-from fitting.lab.instruments.lock_in import LockIns
+from fitting.lab.instruments import LockIns
 from fitting.lab.names import CURVES
 from fitting.text.errors import BadInput
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.lab.instruments.phase_detector import PhaseDetectors
+from fitting.lab.instruments import LockIns
 from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.errors import BadInput
 from tests.support.modes_mpmath import log_responses
@@ -18,7 +18,7 @@ def test_values_are_those_of_fifty_digits_behind_an_unknown_reference(
     oscillator_fmu: Path, tmp_path: Path
 ) -> None:
     """Both modes of five pairs, restarted before the third; without noise."""
-    reader = PhaseDetectors(both=True, restarts=(2,))
+    reader = LockIns(phases=True, restarts=(2,))
     made = ff.synthesize("q1", seed=2, instrument=reader, noise_scale=0.0, out=tmp_path)
     problem = ff.Problem.of(tmp_path / "campaign.toml", ff.Fmu(oscillator_fmu, workers=1))
     [tones] = [m for m in problem.record.measurements if isinstance(m, ComplexTones)]
@@ -40,8 +40,8 @@ def test_values_are_those_of_fifty_digits_behind_an_unknown_reference(
 
 
 def test_noise_is_alike_on_both_quadratures() -> None:
-    made = ff.synthesize("q1", seed=4, instrument=PhaseDetectors(noise=0.02, both=True))
-    exact = ff.synthesize("q1", seed=4, instrument=PhaseDetectors(both=True), noise_scale=0.0)
+    made = ff.synthesize("q1", seed=4, instrument=LockIns(noise=0.02, phases=True))
+    exact = ff.synthesize("q1", seed=4, instrument=LockIns(phases=True), noise_scale=0.0)
     ratio = [
         (m.measured.array("x_v") + 1j * m.measured.array("y_v")).ravel() for m in (made, exact)
     ]
@@ -53,12 +53,10 @@ def test_noise_is_alike_on_both_quadratures() -> None:
 @pytest.mark.parametrize(
     ("series", "reader", "words"),
     [
-        ("q1", PhaseDetectors(restarts=(5,)), r"pair 6, .*2 to 5"),
-        ("duffing", PhaseDetectors(), r"lock-in"),
+        ("q1", LockIns(both=False, phases=True, restarts=(5,)), r"pair 6, .*2 to 5"),
+        ("duffing", LockIns(both=False, phases=True), r"lock-in"),
     ],
 )
-def test_what_the_bench_cannot_do_is_refused(
-    series: str, reader: PhaseDetectors, words: str
-) -> None:
+def test_what_the_bench_cannot_do_is_refused(series: str, reader: LockIns, words: str) -> None:
     with pytest.raises(BadInput, match=words):
         ff.synthesize(series, instrument=reader)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.lab.instruments.phase_detector import PhaseDetectors
+from fitting.lab.instruments import LockIns
 from fitting.lab.pumped import PumpedBench, measure_pumped
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control.keys import ReadSpectra
@@ -89,7 +89,7 @@ def test_seeds_files_and_truth(tmp_path: Path) -> None:
             r"settings\[3\]: .* 1\.00",
         ),
         ({"plan": TONES}, "plan: .*'pumped'"),
-        ({"instrument": PhaseDetectors()}, r"instrument: .*'pumped'"),
+        ({"instrument": LockIns(both=False, phases=True)}, r"instrument: .*'pumped'"),
     ],
 )
 def test_nonsense_is_refused(changes: dict[str, object], words: str) -> None:

@@ -14,9 +14,9 @@ from fitting.campaign import read_campaign
 from fitting.lab.bench import Bench, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.string import TwoModes, steady_state
-from fitting.lab.truth import read_bench
 from fitting.lab.writer import campaign_files
 from fitting.lines.form import fit_resonance
+from tests.support.string_benches import read_bench
 
 
 def exact(modes: TwoModes, u: float) -> list[mp.mpc]:

@@ -13,9 +13,8 @@ import pytest
 from fitting.campaign import read_campaign
 from fitting.lab.bench import Answer, Bench, Instrument, Series
 from fitting.lab.benches import string_bench
-from fitting.lab.drive import Drive
 from fitting.lab.duffing import Cubic, CubicModes
-from fitting.lab.string import TwoModes
+from fitting.lab.string import Drive, TwoModes
 from fitting.lab.synthesis import synthesize
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

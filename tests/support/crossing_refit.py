@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 
 import fitting as ff
 from fitting.lab.curves import AvoidedCrossing
-from fitting.lab.sweep_plan import PlannedSweep
+from fitting.lab.plans import PlannedSweep
 from fitting.text.arrays import FloatArray
 
 BENCH = AvoidedCrossing(reference=True)

@@ -1,1 +1,0 @@
-"""Ways to read a series, a file per kind: each a `fitting.lab.bench.Instrument`."""
