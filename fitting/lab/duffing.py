@@ -121,7 +121,8 @@ def lines_to_order(
     balance = _Balance(modes, cubic, drive, order)
     if start is not None:
         return balance.lines(balance.solve(balance.vector(start), 1.0))
-    x, done, step = balance.rest(), 0.0, 1.0
+    x: ComplexArray = np.zeros((balance.count, 2), dtype=complex)
+    done, step = 0.0, 1.0
     while done < 1.0:
         try:
             x = balance.solve(x * (min(1.0, done + step) / done if done else 1.0), done + step)
@@ -139,7 +140,13 @@ class _Balance:
     """The equations of one drive, lengths in ``unit``, forces in those of the linear response."""
 
     def __init__(self, modes: TwoModes, cubic: Cubic, drive: Drive, order: int) -> None:
-        self.factors = _odd_factors(len(drive.tones_hz), order)
+        # odd combinations of the tones; of each pair k, -k one
+        rows = [
+            k
+            for k in itertools.product(range(-order, order + 1), repeat=len(drive.tones_hz))
+            if sum(map(abs, k)) <= order and sum(k) % 2 and next(x for x in k if x) > 0
+        ]
+        self.factors: NDArray[np.int64] = np.array(rows, dtype=np.int64)
         self.count = len(self.factors)
         lines_hz = self.factors @ np.array(drive.tones_hz)
         self.linear = dynamic_stiffness(modes, lines_hz)
@@ -153,9 +160,6 @@ class _Balance:
         self.cubic = tuple(c * self.unit**2 for c in (cubic.alpha1, cubic.alpha2, cubic.kappa))
         self.size = 4 * order + 1 + order % 2  # products of three lines fold onto none of them
 
-    def rest(self) -> ComplexArray:
-        return np.zeros((self.count, 2), dtype=complex)
-
     def vector(self, lines: Lines) -> ComplexArray:
         """The lines as unknowns; those that are not there are zero."""
         known = {tuple(k): a for k, a in zip(lines.factors.tolist(), lines.amplitudes, strict=True)}
@@ -168,11 +172,16 @@ class _Balance:
 
     def solve(self, x: ComplexArray, part: float) -> ComplexArray:
         """Newton's method from ``x`` under ``part`` of the drive."""
+        a1, a2, kappa = self.cubic
         for _ in range(MOST_NEWTON):
             q = self._motion(x)
-            rest = np.einsum("nij,nj->ni", self.linear, x) + self._cubic_lines(q)
-            rest -= part * self.force
-            change = self._newton(q, rest)
+            forces = (
+                a1 * q[0] ** 3 + kappa * q[0] * q[1] ** 2,
+                a2 * q[1] ** 3 + kappa * q[1] * q[0] ** 2,
+            )
+            lines = np.stack([2.0 * self._at_lines(f, self.factors) for f in forces], axis=1)
+            residual = np.einsum("nij,nj->ni", self.linear, x) + lines - part * self.force
+            change = self._newton(q, residual)
             x = x - change
             size = float(np.abs(change).max())
             if not math.isfinite(size) or size > 10.0:
@@ -194,16 +203,8 @@ class _Balance:
         coefficients = np.fft.fftn(values) / values.size
         return np.asarray(coefficients[tuple(np.moveaxis(factors % self.size, -1, 0))])
 
-    def _cubic_lines(self, q: FloatArray) -> ComplexArray:
-        a1, a2, kappa = self.cubic
-        forces = (
-            a1 * q[0] ** 3 + kappa * q[0] * q[1] ** 2,
-            a2 * q[1] ** 3 + kappa * q[1] * q[0] ** 2,
-        )
-        return np.stack([2.0 * self._at_lines(f, self.factors) for f in forces], axis=1)
-
-    def _newton(self, q: FloatArray, rest: ComplexArray) -> ComplexArray:
-        """Solve J dX = rest, where J dX = P dX + M conj(dX) has a part with the conjugate."""
+    def _newton(self, q: FloatArray, residual: ComplexArray) -> ComplexArray:
+        """Solve J dX = residual, where J dX = P dX + M conj(dX) has a part with the conjugate."""
         a1, a2, kappa = self.cubic
         cross = 2.0 * kappa * q[0] * q[1]
         slopes = (
@@ -221,20 +222,10 @@ class _Balance:
         plain[index, :, index, :] += self.linear
         p, m = plain.reshape(2 * n, 2 * n), mirror.reshape(2 * n, 2 * n)
         system = np.block([[(p + m).real, (m - p).imag], [(p + m).imag, (p - m).real]])
-        right = np.concatenate([rest.ravel().real, rest.ravel().imag])
+        right = np.concatenate([residual.ravel().real, residual.ravel().imag])
         scale = 1.0 / np.abs(system).max(axis=1)
         result: FloatArray = np.linalg.solve(system * scale[:, np.newaxis], right * scale)
         return np.asarray((result[: 2 * n] + 1j * result[2 * n :]).reshape(n, 2))
-
-
-def _odd_factors(tones: int, order: int) -> NDArray[np.int64]:
-    span = range(-order, order + 1)
-    rows = [
-        k
-        for k in itertools.product(span, repeat=tones)
-        if sum(map(abs, k)) <= order and sum(k) % 2 and next(x for x in k if x) > 0
-    ]
-    return np.array(rows, dtype=np.int64)
 
 
 @dataclass(frozen=True)

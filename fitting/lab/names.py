@@ -5,16 +5,16 @@ from __future__ import annotations
 #: Benches, `fitting.lab.benches`.
 DUFFING = "duffing"
 BENCHES = ("q1", "q2", "q1-published", "q2-published", DUFFING)
-#: The bench under a parametric pump, `fitting.lab.pumped_files`.
+#: The bench under a parametric pump, `fitting.lab.pumped`.
 PUMPED = "pumped"
-#: The bench under a pump at the distance of the modes and at half of it, likewise.
+#: The bench under a pump at the distance of the modes and at half of it, `fitting.lab.subharmonic`.
 SUBHARMONIC = "string_pumped"
 #: Curves, `fitting.lab.curves`.
 WIRED = ("transmission", "notch", "reflection")
 CROSSING = "crossing"
 #: Time series, `fitting.lab.time_series`.
 RINGDOWN, CHIRP = TIME_SERIES = ("ringdown", "chirp")
-#: Demodulated decays, `fitting.lab.demodulated`.
+#: Demodulated decays, likewise.
 LOCK_IN, ZERO_SPAN = DEMODULATED = ("lock-in", "zero-span")
 CURVES = (*WIRED, CROSSING, *TIME_SERIES, *DEMODULATED)
 #: Series of the virtual laboratory.
