@@ -60,40 +60,39 @@ def campaign_files(
         command: command line that made it, for the record.
     """
     sweep_file = "" if bound.sweep is None else SWEEP_NAME + bound.sweep.source.suffix
-    like: Continued | None = None
-    if limits.sweeps is not None or limits.traces is not None:
-        like = required(bound, TRACES if limits.sweeps is None else SWEEPS)
+    kind = "tones" if limits.sweeps is None else "sweeps"
+    kind = kind if limits.traces is None else "traces"
+    like = None if kind == "tones" else required(bound, SWEEPS if kind == "sweeps" else TRACES)
 
     def edit(tables: Tables) -> None:
         tables["title"] = f"Next: {design.title}"
         if "file" in tables["fmu"]:
             named = bound.path.parent / str(tables["fmu"]["file"])
             tables["fmu"]["file"] = path_from(folder, named)
-        for name in bound.measurements:
-            if like is None or name != like.table:
-                tables.pop(name, None)  # other data, which are not measured again
+        # other data, which are not measured again
+        others = {*bound.measurements, *(MEASURED_BEFORE if like is not None else ())}
+        for name in others - {like.table if like is not None else ""}:
+            tables.pop(name, None)
         if like is None:
             _edit_for_tones(tables, design, bound, limits, sweep_file)
+        elif kind == "sweeps":
+            _edit_for_sweeps(tables, design, bound, like)
         else:
-            for name in MEASURED_BEFORE:
-                tables.pop(name, None)
-            (_edit_for_traces if limits.sweeps is None else _edit_for_sweeps)(
-                tables, design, bound, like
-            )
+            _edit_for_traces(tables, design, like)
         put(tables, "design", _limits_table(design, bound, limits), "the instrument's limits")
 
-    kind = "tones" if like is None else "traces" if limits.sweeps is None else "sweeps"
     head = [*phrases("design/text", "task", kind), f"Proposed by: {command}"]
     text = rewritten(read_text(bound.path), edit, head)
     files: dict[str, str | bytes] = {CAMPAIGN_NAME: text}
-    if like is not None and limits.traces is not None:
-        return files | _recording_files(design, like, command, variables)
-    if like is not None:
+    if like is None:
+        files[EXPERIMENTS_NAME] = _experiments_csv(design, bound, limits, command)
+        if bound.sweep is not None:
+            files[sweep_file] = bound.sweep.source.read_bytes()
+    elif kind == "sweeps":
         unit = str(tomllib.loads(text)[like.table].get("amplitude", like.unit)).split()[0]
-        return files | {SWEEPS_NAME: _sweeps_csv(design, bound, like, unit, command)}
-    files[EXPERIMENTS_NAME] = _experiments_csv(design, bound, limits, command)
-    if bound.sweep is not None:
-        files[sweep_file] = bound.sweep.source.read_bytes()
+        files[SWEEPS_NAME] = _sweeps_csv(design, bound, like, unit, command)
+    else:
+        files |= _recording_files(design, like, command, variables)
     return files
 
 
@@ -147,7 +146,7 @@ def _edit_for_sweeps(tables: Tables, design: Design, bound: BoundCampaign, like:
     put(table, "file", SWEEPS_NAME, "what to measure: each sweep, point by point")
 
 
-def _edit_for_traces(tables: Tables, design: Design, bound: BoundCampaign, like: Continued) -> None:
+def _edit_for_traces(tables: Tables, design: Design, like: Continued) -> None:
     old, made = list(tables.pop(like.table)), []
     for p in design.proposals:
         table = deepcopy(old[like.labels.index(recording_of(p).trace)])
@@ -257,18 +256,16 @@ def _experiments_csv(design: Design, bound: BoundCampaign, limits: Limits, comma
         own = {**settings, **levels_and_more(drive, len(p.tones_hz), p.level, p.settings)}
         tones = [repr(f / _MEGA if mega else f) for f in p.tones_hz]
         sigmas = [f"{s / factor:.4g}" for s in p.sigmas_v]
-        cells = [f"next{p.rank}", *tones, p.output, *map(_cell, own.values())]
+        values = [
+            str(v).lower() if isinstance(v, bool) else repr(v) if isinstance(v, float) else str(v)
+            for v in own.values()
+        ]
+        cells = [f"next{p.rank}", *tones, p.output, *values]
         lines += [
             _remark("instruction", p, design),
             csv_line([*cells, *[""] * len(open_), *sigmas]),
         ]
     return "\n".join(lines) + "\n"
-
-
-def _cell(value: Scalar) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return repr(value) if isinstance(value, float) else str(value)
 
 
 def _sweeps_csv(

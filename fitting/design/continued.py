@@ -19,6 +19,8 @@ from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed
 
+#: Sweeps or recordings that are tried, at most: each is simulated.
+MOST_CANDIDATES = 1000
 #: Tables whose measurements new ones may continue, and their kinds.
 SWEEPS: Mapping[str, type[Together[Any]]] = {
     "control_sweep": ControlSweep,

@@ -507,7 +507,9 @@ def _of_tones(
             "[drive] has at most"
         )
     centres = _centres(bound, variables, table)
-    step, spacing, farthest = _own_grid(bound, centres)
+    grid = (keys.frequency_step, keys.least_spacing, keys.farthest)
+    own = _own_grid(bound, centres) if None in grid else (1.0, 1.0, 1.0)
+    step, spacing, farthest = (value or usual for value, usual in zip(grid, own, strict=True))
     # noise that is declared, else the peaks' median, else the scatter about the sweep's maximum
     noise, unit = bound.noise.absolute_v, bound.amplitude_unit
     sigmas = np.concatenate([np.zeros(0), *(e.sigmas_v for e in bound.experiments)])
@@ -518,16 +520,21 @@ def _of_tones(
         top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
         noise = top.scatter * top.value_v
     peaks = [e.peaks_v for e in bound.experiments] + ([] if sweep is None else [sweep.amplitude_v])
-    largest = HEADROOM * float(np.max(np.concatenate(peaks)))
+    if keys.largest is None and not peaks:
+        raise BadInput(
+            f"{table.where('largest')}: wanted what the detector bears: neither experiments nor a "
+            "sweep show amplitudes"
+        )
+    largest = HEADROOM * max((float(np.max(each)) for each in peaks), default=0.0)
     relative = bound.noise.relative or RELATIVE_NOISE
     has_phases = any(e.phases_rad is not None for e in bound.experiments)
     binder = _binder(variables, bound.setup.laws.controls)
     return Limits(
         outputs=_outputs(bound, variables, table),
         centres_hz=centres,
-        frequency_step_hz=keys.frequency_step or step,
-        least_spacing_hz=keys.least_spacing or spacing,
-        farthest_hz=keys.farthest or farthest,
+        frequency_step_hz=step,
+        least_spacing_hz=spacing,
+        farthest_hz=farthest,
         both_sides=keys.both_sides,
         levels=tuple(map(float, levels)),
         repeats=tuple(map(int, repeats)),

@@ -20,7 +20,7 @@ from itertools import groupby
 import numpy as np
 from scipy.linalg import lstsq
 
-from fitting.design.continued import TRACES, longest_s, repeatable, required
+from fitting.design.continued import MOST_CANDIDATES, TRACES, longest_s, repeatable, required
 from fitting.design.information import Place, Rows, Series
 from fitting.design.limits import Limits
 from fitting.design.result import DriveChoice, Recording
@@ -33,8 +33,8 @@ from fitting.simulate.batch import Batch, answered
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput
 
-#: Candidates at most; samples for each unknown that is solved inside, at least.
-MOST_RECORDINGS, OF_EACH = 1000, 4
+#: Samples for each unknown that is solved inside, at least.
+OF_EACH = 4
 #: Phase step of values before they are known: a tone that repeats itself at no sample.
 TURN = 2.4
 #: Largest denominator of the ratio of two spacings that have samples in common.
@@ -84,10 +84,10 @@ def recording_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice
             "inputs allow no longer ones than they are, and a start that is solved for no fewer "
             f"than {OF_EACH} for each unknown"
         )
-    if len(recordings) > MOST_RECORDINGS:
+    if len(recordings) > MOST_CANDIDATES:
         raise BadInput(
             f"{bound.path}: [design] traces: {len(recordings)} recordings lie within the limits, "
-            f"wanted at most {MOST_RECORDINGS}: fewer lengths or spacings"
+            f"wanted at most {MOST_CANDIDATES}: fewer lengths or spacings"
         )
     return tuple(
         DriveChoice(

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.design.continued import SWEEPS, Continued, required
+from fitting.design.continued import MOST_CANDIDATES, SWEEPS, Continued, required
 from fitting.design.information import Place, Rows, Series
 from fitting.design.limits import Limits, combinations
 from fitting.design.result import DriveChoice
@@ -31,8 +31,6 @@ from fitting.simulate.batch import Batch, answered, together
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
-#: Candidates at most.
-MOST_SWEEPS = 1000
 #: Prior of the logarithm of a scale, and of a phase (rad), that all new measurements share.
 ANY_SCALE, ANY_PHASE = 10.0, math.pi / math.sqrt(3.0)
 
@@ -61,10 +59,10 @@ def sweep_choices(bound: BoundCampaign, limits: Limits) -> tuple[DriveChoice, ..
     if sweeps is None:
         return ()
     combined = combinations(sweeps.controls)
-    if len(combined) > MOST_SWEEPS:
+    if len(combined) > MOST_CANDIDATES:
         raise BadInput(
             f"{bound.path}: {len(combined)} sweeps lie within the limits, wanted at most "
-            f"{MOST_SWEEPS}: fewer values in [design] sweeps"
+            f"{MOST_CANDIDATES}: fewer values in [design] sweeps"
         )
     like.require_controls(sweeps.controls, "limits: sweeps")
     [centre_hz], half = limits.centres_hz, 0.5 * sweeps.span_hz

@@ -123,13 +123,12 @@ class ToneCandidates:
     def __init__(self, data: Series, limits: Limits, place: Place) -> None:
         self.data, self.limits = data, limits
         self.choices = tone_choices(data.bound, limits)
-        self.linear = len(limits.levels) == 1
         low, high = limits.levels[0], limits.levels[-1]
-        self._lowest = [c for c in self.choices if c.level == low]
-        self._series = self.series_of(self._lowest)
+        self._series = self.series_of([c for c in self.choices if c.level == low])
+        self.linear = low == high
         if not self.linear:
             ends = (self._series, self.series_of([c for c in self.choices if c.level == high]))
-            below, above = (np.abs(self._at(series, place)) for series in ends)
+            below, above = (np.abs(self._lines(s, place, [place.x])[0]) for s in ends)
             expected = high / low * below
             self.linear = bool(np.all(np.abs(above - expected) <= LINEAR * expected))
         if not self.linear:
@@ -146,11 +145,13 @@ class ToneCandidates:
     def rows(self, place: Place) -> list[Rows]:
         """All choices at a place."""
         rows = self.rows_of(self._series, place)
-        if not self.linear or len(self._lowest) == len(self.choices):
+        simulated, levels = len(rows.values), len(self.limits.levels)
+        if simulated == len(self.choices):
             return [rows]
-        index = {self._key(c): i for i, c in enumerate(self._lowest)}
-        source = np.array([index[self._key(c)] for c in self.choices])
-        factors = np.array([c.level / self._lowest[0].level for c in self.choices])[:, None, None]
+        # levels vary faster than anything but settings: see `tone_choices`
+        settings = len(combinations(self.limits.settings))
+        source = np.repeat(np.arange(simulated).reshape(-1, 1, settings), levels, axis=1).ravel()
+        factors = np.array([c.level / self.limits.levels[0] for c in self.choices])[:, None, None]
         return [
             Rows(
                 values=rows.values[source] * factors[..., 0],
@@ -164,14 +165,14 @@ class ToneCandidates:
     def rows_of(self, series: Series, place: Place) -> Rows:
         """The experiments of a series at a place."""
         around = series.around(place)
-        points = evaluate_many(series.objective(place.alternative), [place.x, *around.nodes])
-        here, *nodes = [self._lines(series, point) for point in points]
+        here, *nodes = self._lines(series, place, [place.x, *around.nodes])
+        nothing: FloatArray | ComplexArray = np.zeros((*here.shape, 0))
         errors: list[Any] = []
         for name, sigma in self.limits.setting_sigmas.items():
-            ends = series.moved(place, name, SHIFT * sigma)
-            above, below = (self._lines(series, point) for point in ends)
+            above, below = (
+                self._of_tones(series, point) for point in series.moved(place, name, SHIFT * sigma)
+            )
             errors.append((above - below) / (2.0 * SHIFT))
-        nothing: FloatArray | ComplexArray = np.zeros((*here.shape, 0))
         columns = [here, 1j * here] if self.limits.phases else [here]
         return Rows(
             values=here,
@@ -181,19 +182,18 @@ class ToneCandidates:
             errors=np.asarray(np.stack(errors, axis=-1)) if errors else nothing,
         )
 
-    def _at(self, series: Series, place: Place) -> FloatArray | ComplexArray:
-        [point] = evaluate_many(series.objective(place.alternative), [place.x])
-        return self._lines(series, point)
+    def _lines(
+        self, series: Series, place: Place, xs: Sequence[FloatArray]
+    ) -> list[FloatArray | ComplexArray]:
+        """Scaled values of all lines that are read, (c, lines), at search vectors."""
+        points = evaluate_many(series.objective(place.alternative), xs)
+        return [self._of_tones(series, point) for point in points]
 
-    def _lines(self, series: Series, point: Point) -> FloatArray | ComplexArray:
-        """Scaled values of all lines that are read, (c, lines)."""
+    @staticmethod
+    def _of_tones(series: Series, point: Point) -> FloatArray | ComplexArray:
         pairs = zip(series.data.measurements, point.scaled, strict=True)
         [values] = [values for m, values in pairs if isinstance(m, Tones)]
         return values.reshape(len(series.bound.experiments), -1)
-
-    @staticmethod
-    def _key(choice: DriveChoice) -> tuple[object, ...]:
-        return (choice.tones_hz, choice.output, *choice.settings.items())
 
     def _experiment(self, choice: DriveChoice, label: str) -> Experiment:
         """What is simulated for a choice."""

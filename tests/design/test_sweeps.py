@@ -285,6 +285,11 @@ def test_of_a_map_alone_sweeps_are_proposed_where_it_was_measured(
         ("levels = [1, 10]\nsweeps = { controls = { V = [0, 1] } }", "levels: "),
         ("sweeps = { points = 3, controls = { V = [0, 1] } }", "3 points.* 8 "),
         ("number = 1\nsweeps = { controls = { V = [0, 1] } }", "found 1, .*2 to 50"),
+        (
+            'centres = ["1 MHz"]\nfrequency_step = "200 Hz"\nleast_spacing = "200 Hz"\n'
+            'farthest = "600 Hz"',
+            "largest: wanted ",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(
