@@ -26,8 +26,14 @@ from fitting.fit.linearisation import (
     whitened,
 )
 from fitting.fit.noise import fitted_noise
-from fitting.fit.objective import Objective, Point, evaluate_many, make_objective
-from fitting.fit.outputs import answered_apart, mean, output_means
+from fitting.fit.objective import (
+    Objective,
+    Point,
+    answered_apart,
+    evaluate_many,
+    make_objective,
+)
+from fitting.fit.outputs import mean, output_means
 from fitting.fit.problem import problem_of
 from fitting.fit.solution import curve_structure
 from fitting.inference.likelihood.knowledge import Inferred, Values

@@ -27,8 +27,8 @@ from fitting.campaign.parameters import (
 from fitting.fit.covariance import BoundedErrors, RowCovariance
 from fitting.fit.linearisation import SMALLEST_SIGMA
 from fitting.fit.noise import RowNoise
-from fitting.fit.objective import Objective, Point, evaluate_many
-from fitting.fit.outputs import answered_apart, output_means_beyond, runs_of_outputs
+from fitting.fit.objective import Objective, Point, answered_apart, evaluate_many
+from fitting.fit.outputs import output_means_beyond, runs_of_outputs
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import NoScale
 

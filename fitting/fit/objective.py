@@ -23,7 +23,6 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.fit.differences import Stencil, central, forward
-from fitting.fit.outputs import answered_apart
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, Response, Values
 from fitting.text.arrays import FloatArray
@@ -31,6 +30,7 @@ from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
 Key = TypeVar("Key")
 Kept = TypeVar("Kept")
+Answer = TypeVar("Answer")
 
 #: Points and Jacobians that are remembered; a solver goes back by one or two iterates at most.
 REMEMBERED = 8
@@ -164,6 +164,32 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
         row_weights=row_weights,
         promised=evaluation.promised,
     )
+
+
+def answered_apart(
+    ask: Callable[[Sequence[FloatArray]], list[Answer]],
+    xs: Sequence[FloatArray],
+    failed: Callable[[FloatArray, Exception], Answer],
+) -> list[Answer]:
+    """Answers at several search vectors in one batch; where that fails, in halves of it.
+
+    Args:
+        ask: answers of a batch, one each.
+        xs: search vectors, shape (n,) each.
+        failed: answer at one where the model fails, or raises the failure.
+
+    Raises:
+        NoAnswer: the model does not answer any more.
+    """
+    try:
+        return ask(xs)
+    except NoAnswer:
+        raise
+    except (FmuFailure, NoScale) as failure:  # a model that answers with zeros has failed, too
+        if len(xs) == 1:
+            return [failed(xs[0], failure)]
+    half = len(xs) // 2
+    return [*answered_apart(ask, xs[:half], failed), *answered_apart(ask, xs[half:], failed)]
 
 
 def _away(objective: Objective, x: FloatArray) -> Point:

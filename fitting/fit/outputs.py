@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+from collections.abc import Sequence
 
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, in_box, to_model
+from fitting.fit.objective import answered_apart
 from fitting.measurements.measurement import Response
 from fitting.text.arrays import FloatArray
-from fitting.text.errors import FmuFailure, NoAnswer, NoScale
-
-Answer = TypeVar("Answer")
 
 
 def output_means(
@@ -74,32 +71,6 @@ def runs_of_outputs(response: Response) -> int:
         response: the model.
     """
     return int(getattr(response, "output_runs", 0))
-
-
-def answered_apart(
-    ask: Callable[[Sequence[FloatArray]], list[Answer]],
-    xs: Sequence[FloatArray],
-    failed: Callable[[FloatArray, Exception], Answer],
-) -> list[Answer]:
-    """Answers at several search vectors in one batch; where that fails, in halves of it.
-
-    Args:
-        ask: answers of a batch, one each.
-        xs: search vectors, shape (n,) each.
-        failed: answer at one where the model fails, or raises the failure.
-
-    Raises:
-        NoAnswer: the model does not answer any more.
-    """
-    try:
-        return ask(xs)
-    except NoAnswer:
-        raise
-    except (FmuFailure, NoScale) as failure:  # a model that answers with zeros has failed, too
-        if len(xs) == 1:
-            return [failed(xs[0], failure)]
-    half = len(xs) // 2
-    return [*answered_apart(ask, xs[:half], failed), *answered_apart(ask, xs[half:], failed)]
 
 
 def mean(values: FloatArray) -> float:

@@ -31,7 +31,14 @@ from fitting.inference.likelihood.knowledge import Adequacy, Ending
 from fitting.inference.likelihood.profile import data_covariance
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.signal.chi_square import tail
-from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of, of_one_size
+from fitting.signal.misfit import (
+    Correlation,
+    Misfit,
+    correlated_below,
+    correlation,
+    misfit_of,
+    of_one_size,
+)
 from fitting.signal.presence import SURELY, chance
 from fitting.signal.residual_tests import STRUCTURED, Structure, innovations
 from fitting.text.arrays import BoolArray, FloatArray, IntArray
@@ -88,9 +95,7 @@ def adequacy_of(
         sigma[data.curve_rows] /= 1.0 if structure is None else structure.widening
         return replace(wider, sigma=sigma)
 
-    correlated, least_p, along = _along_curves(optimum, rows, stated(noise), taken)
-
-    def judgement(wider: RowCovariance, kept: BoolArray) -> Adequacy:
+    def judgement(wider: RowCovariance, kept: BoolArray, least_p: float = math.nan) -> Adequacy:
         """Of some rows: unknowns solved inside count for measurements with rows among them."""
         pairs = zip(data.measurements, data.slices, strict=True)
         return chi_square_test(
@@ -104,11 +109,13 @@ def adequacy_of(
 
     known = data.sigma > 0.0
     every = judgement(noise, known)
-    rest = judgement(noise, known & ~correlated) if np.any(correlated) else every
+    below = correlated_below(every.chi_square, every.freedom, every.p_value)
+    correlated, least_p, along = _along_curves(optimum, rows, stated(noise), taken, below)
+    rest = judgement(noise, known & ~correlated, least_p)
     describes = rest.describes
     if not describes and likelihood.bounded.columns:
         loosened = noise.loosened(likelihood.bounded)
-        describes = judgement(loosened, known & ~correlated).describes
+        describes = judgement(loosened, known & ~correlated, least_p).describes
     result = replace(
         every,
         describes=describes and along.describes,
@@ -126,7 +133,11 @@ def adequacy_of(
 
 
 def _along_curves(
-    optimum: Optimum, rows: FloatArray, stated: RowCovariance, taken: FloatArray
+    optimum: Optimum,
+    rows: FloatArray,
+    stated: RowCovariance,
+    taken: FloatArray,
+    below: float,
 ) -> tuple[BoolArray, float, Adequacy]:
     """Which rows (m,) are on curves with correlated residuals; least p of others; worst curve.
 
@@ -139,6 +150,7 @@ def _along_curves(
         stated: their noise.
         taken: share of each that the fit takes away, shape (m,): where that is much, residuals of
             a right model are correlated.
+        below: probability by white noise below which they are correlated.
     """
     data, bounded = optimum.likelihood.objective.data, optimum.likelihood.bounded
     off = bounded.largest if bounded.own.size else np.zeros(rows.size)
@@ -172,6 +184,7 @@ def _along_curves(
             test,
             p_value=min(1.0, test.p_value * len(asked)),
             excused=max(test.excused, excused),
+            below=below,
         )
         if test.misfit is not Misfit.NONE:
             correlated[mine] = True

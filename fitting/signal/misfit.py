@@ -7,6 +7,8 @@
 (b) Uncorrelated residuals of TESTABLE degrees of freedom or more, P(chi^2) < IMPROBABLE and
     chi^2/freedom > NOTICED: the noise is larger than stated, by sqrt(chi^2/freedom); where a part
     of them alone is so large (`of_one_size`), the model does not describe the data.
+    That something is wrong is known then, and less evidence tells what: residuals count as
+    correlated where P < UNLIKELY already (`correlated_below`).
     Of few (below SURE) the test of (a) misses what is wrong: there chi^2/freedom > RATIO wants
     residuals that look uncorrelated (P >= DOUBTFUL), else the model does not describe the data.
 (c) Fewer degrees of freedom, or no axis: structure cannot be tested. P(chi^2) < IMPROBABLE and
@@ -43,6 +45,9 @@ TESTABLE = 20.0
 #: Degrees of freedom from which the test for structure misses little, and its probability below
 #: which fewer are in doubt.
 SURE, DOUBTFUL = 50.0, 0.05
+#: Probability of residuals along an axis below which those of an improbable chi square are
+#: correlated.
+UNLIKELY = 1e-3
 #: Share of the readings that may be outliers, how many at most, and standard deviations off.
 FEW, MOST_OFF, FAR = 0.02, 10, 5.0
 
@@ -73,16 +78,18 @@ class Correlation:
         p_value: with which white noise is as correlated.
         share: structured part, root mean square, over the largest amplitude.
         excused: share that rounding, or the simulation's own error, explains.
+        below: probability below which they are correlated (`correlated_below`).
     """
 
     p_value: float = 1.0
     share: float = 0.0
     excused: float = SMALLEST_RESIDUAL
+    below: float = CORRELATED
 
     @property
     def misfit(self) -> Misfit:
         """Rule (a)."""
-        if not (self.p_value < CORRELATED and self.share > self.excused):
+        if not (self.p_value < self.below and self.share > self.excused):
             return Misfit.NONE
         return Misfit.REFUSED if self.share > SHARE else Misfit.CORRELATED
 
@@ -127,6 +134,18 @@ def misfit_of(
     return Misfit.UNDERESTIMATED if ratio > NOTICED else Misfit.NONE
 
 
+def correlated_below(chi_square: float, freedom: float, p_value: float) -> float:
+    """Probability of residuals along an axis, by white noise, below which they are correlated.
+
+    Args:
+        chi_square: by the stated noise; NaN: none is stated.
+        freedom: its degrees of freedom.
+        p_value: probability of such a chi square or a larger one.
+    """
+    is_wrong = p_value < IMPROBABLE and chi_square > NOTICED * freedom
+    return UNLIKELY if is_wrong and freedom >= SURE else CORRELATED
+
+
 def of_one_size(white: FloatArray) -> bool:
     """Whether residuals may be noise of one size: a part of them alone does not make up chi square.
 
@@ -147,12 +166,14 @@ def far_off(white: FloatArray, slopes: FloatArray, readings: IntArray) -> tuple[
     """Numbers of single residuals that make up a misfit alone, the farthest first; mostly none.
 
     As few are left out of a linear fit as do until chi square of the rest is what the noise
-    explains, or nearly (`misfit_of`); each is FAR beyond that fit, and their readings are few.
+    explains, or nearly (`misfit_of`); each is FAR beyond that fit, and their readings are few. No
+    two of these are next to each other on a curve: what neighbours share is no single reading's.
 
     Args:
         white: over their noise, shape (m,).
         slopes: their derivatives by all that is fitted, shape (m, k).
-        readings: which one each is of, shape (m,): peaks of one experiment are one reading.
+        readings: number of the reading each is of, shape (m,): peaks of one experiment are one
+            reading, as are both parts of a complex value; next numbers are next on a curve.
     """
     out: list[int] = []
     most = min(MOST_OFF, max(1, int(FEW * white.size)))
@@ -161,7 +182,8 @@ def far_off(white: FloatArray, slopes: FloatArray, readings: IntArray) -> tuple[
         sizes = np.abs(left)
         sizes[out] = 0.0
         out.append(int(np.argmax(sizes)))
-        if np.unique(readings[out]).size > most:
+        apart = np.unique(readings[out])
+        if apart.size > most or np.any(np.diff(apart) == 1):
             return ()
         left = _left_without(white, slopes, out)
         freedom = white.size - len(out) - slopes.shape[1]

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from fitting.signal.chi_square import tail
-from fitting.signal.misfit import Correlation, Misfit, correlation, misfit_of
+from fitting.signal.misfit import Correlation, Misfit, correlated_below, correlation, misfit_of
 from fitting.signal.residual_tests import residual_structure
 from fitting.text.arrays import FloatArray
 
@@ -105,13 +105,15 @@ def judged(data: FloatArray, x: FloatArray, sweeps: int = 1) -> Outcome:
     rows, matrix = np.asarray(found.fun), np.asarray(found.jac)
     freedom = float(x.size - UNKNOWNS)
     square = float(np.sum((rows / NOISE) ** 2))
+    p_value = tail(square, freedom)
     parts = [rows, *np.array_split(rows, sweeps)] if sweeps > 1 else [rows]
     tests = [correlation(part / NOISE, part / np.max(data)) for part in parts]
-    tests = [replace(test, p_value=min(1.0, test.p_value * len(tests))) for test in tests]
+    below = correlated_below(square, freedom, p_value)
+    tests = [replace(t, p_value=min(1.0, t.p_value * len(tests)), below=below) for t in tests]
     along = max(tests, key=lambda test: (not test.misfit.describes, -test.p_value))
     misfit = along.misfit
     if misfit is Misfit.NONE:
-        misfit = misfit_of(square, freedom, tail(square, freedom), along.p_value)
+        misfit = misfit_of(square, freedom, p_value, along.p_value)
     if misfit is Misfit.REFUSED:
         return Outcome(misfit, 0.0)
     covariance = np.linalg.inv(matrix.T @ matrix) * NOISE**2

@@ -13,6 +13,7 @@ from fitting.signal.misfit import (
     SHARE,
     Correlation,
     Misfit,
+    correlated_below,
     correlation,
     far_off,
     misfit_of,
@@ -77,6 +78,24 @@ def test_uncorrelated_residuals_are_judged_by_chi_square(
     assert misfit_of(square, freedom, p_value, correlated_p) is found
 
 
+@pytest.mark.parametrize(
+    ("freedom", "ratio", "p_value", "found"),
+    [
+        (100, 1.0, 1e-4, Misfit.NONE),  # noise explains chi square: once in ten thousand
+        (100, 9.0, 1e-4, Misfit.REFUSED),
+        (100, 9.0, 0.01, Misfit.NONE),
+        (30, 9.0, 1e-4, Misfit.NONE),  # of few every structure is refused beside chi square
+        (1000, 1.5, 1e-4, Misfit.NONE),
+    ],
+)
+def test_where_something_is_wrong_less_correlation_tells_what(
+    freedom: float, ratio: float, p_value: float, found: Misfit
+) -> None:
+    square = ratio * freedom
+    below = correlated_below(square, freedom, float(chi2.sf(square, freedom)))
+    assert Correlation(p_value=p_value, share=0.1, below=below).misfit is found
+
+
 def test_the_structured_part_is_that_without_the_white_noise() -> None:
     """A sine of 10 % beside white noise of 30 %: 0.1/sqrt(2) of the largest amplitude."""
     noise = 0.3 * np.random.default_rng(1).standard_normal(20_000)
@@ -91,16 +110,24 @@ def test_single_residuals_far_off_are_told_from_larger_noise() -> None:
     """One of 60 that has pulled a constant along, and three times as much noise."""
     white = np.random.default_rng(2).standard_normal(200)
     white[17] = 60.0
-    slopes, each = np.ones((200, 1)), np.arange(200)
+    slopes, each = np.ones((200, 1)), 2 * np.arange(200)
     assert far_off(white - 3.0, slopes, each) == (17,)
     assert far_off(3.0 * np.random.default_rng(3).standard_normal(200), slopes, each) == ()
 
 
 def test_residuals_of_one_reading_count_as_one() -> None:
     """Both peaks of one of 30 experiments, or of two of them."""
-    white, experiment = np.random.default_rng(2).standard_normal(60), np.arange(60) // 2
+    white, experiment = np.random.default_rng(2).standard_normal(60), 2 * (np.arange(60) // 2)
     white[[8, 9]] += [12.0, 11.0]
     slopes = np.ones((60, 1))
     assert sorted(far_off(white, slopes, experiment)) == [8, 9]
     white[20] -= 9.0
     assert far_off(white, slopes, experiment) == ()
+
+
+def test_neighbours_on_a_curve_are_no_single_readings() -> None:
+    """Two of 200 far off: alone where they are apart, no outliers where they are next."""
+    for there, found in ((40, [17, 40]), (18, [])):
+        white = np.random.default_rng(2).standard_normal(200)
+        white[[17, there]] += 40.0
+        assert sorted(far_off(white, np.ones((200, 1)), np.arange(200))) == found

@@ -274,7 +274,7 @@ class Search:
         if any(trial.kind in place.curve.first_order for place in trial.curves):
             return True
         here = self.sized(trial)
-        noise, least = np.zeros(self.known.size, dtype=bool), 1.0
+        noise = np.zeros(self.known.size, dtype=bool)
         for place in self.curves:
             rows, curve = place.rows, place.curve
             white = here.rows[rows] - curve.centre / self.sigma[rows]
@@ -283,12 +283,11 @@ class Search:
                 return False
             if along.misfit is Misfit.NONE:
                 noise[rows] = self.known[rows]
-                least = min(least, along.p_value)
         freedom = np.count_nonzero(noise) - trial.x.size - here.slopes.shape[1]
         if freedom < 1:
             return True
         square = float(np.sum(here.rows[noise] ** 2))
-        return misfit_of(square, freedom, tail(square, freedom), least) is Misfit.NONE
+        return misfit_of(square, freedom, tail(square, freedom)) is Misfit.NONE
 
 
 def _descend(

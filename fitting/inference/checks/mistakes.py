@@ -129,20 +129,33 @@ def without_outliers(fit: Fit, adequacy: Adequacy) -> Adequacy:
     if not adequacy.noise_factor > 1.0:
         return adequacy
     solution, known = fit.solution, fit.problem.data.sigma > 0.0
-    readings, first = np.arange(known.size), dict[str, int]()
-    for row, (label, _, _) in _lines(fit.problem.data).items():
-        readings[row] = first.setdefault(label, row)  # one mistake puts all peaks of one too high
     try:
         inside = solved_inside(solution, solution.final)
     except (FmuFailure, NoScale):
         return adequacy
     columns, sigma = np.column_stack([solution.matrix, inside])[known], solution.noise.sigma[known]
     white = solution.final.residuals[known] / sigma
-    far = far_off(white, columns / sigma[:, None], readings[known])
+    readings = _readings(fit.problem.data, solution.final.residuals)[known]
+    far = far_off(white, columns / sigma[:, None], readings)
     if not far:
         return adequacy
     rows = tuple(int(k) for k in np.flatnonzero(known)[list(far)])
     return replace(adequacy, noise_factor=1.0, outliers=rows)
+
+
+def _readings(data: Dataset, residuals: FloatArray) -> IntArray:
+    """Number of the reading that each row is of, (m,); next numbers are next on a curve."""
+    readings, free = 2 * np.arange(residuals.size), 2 * residuals.size
+    first: dict[str, int] = {}
+    for row, (label, _, _) in _lines(data).items():  # one mistake puts all peaks of one too high
+        readings[row] = first.setdefault(label, int(readings[row]))
+    for m, at in zip(data.measurements, data.slices, strict=True):
+        for curve in m.residual_curves(residuals[at]):
+            if curve.axis.size:
+                places, order = np.unique(curve.axis, return_inverse=True)
+                readings[at.start + curve.rows] = free + order
+                free += places.size + 1
+    return readings
 
 
 def single_rows(solved: Solved) -> Iterator[Finding]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from fitting.fit.fit import Status
-from fitting.signal.misfit import CORRELATED
+from fitting.signal.misfit import correlated_below
 from fitting.signal.residual_tests import NOTABLE, Structure
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import (
@@ -102,7 +102,7 @@ class Adequacy:
     @property
     def is_correlated(self) -> bool:
         """Whether residuals are correlated along the axis of a curve."""
-        return self.correlated_p < CORRELATED
+        return self.correlated_p < correlated_below(self.chi_square, self.freedom, self.p_value)
 
     @property
     def why_not(self) -> str:
