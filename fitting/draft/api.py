@@ -88,7 +88,7 @@ def init(
         FmuFailure: the FMU failed with its own start values.
     """
     path, made = drafted(files, fmu, out=out, columns=columns, told=told, ask=ask)
-    return path, (*made.said, *((made.undescribed,) if made.undescribed else ()))
+    return path, (*made.notes, *((made.undescribed,) if made.undescribed else ()))
 
 
 def drafted(
@@ -115,7 +115,7 @@ def drafted(
         FmuFailure: see `init`.
     """
     listed_files = (files,) if isinstance(files, str | os.PathLike) else files
-    paths, fmu = told_apart([Path(file) for file in listed_files], fmu)
+    paths, fmu = measurements_and_fmu([Path(file) for file in listed_files], fmu)
     named = {k: (v,) if isinstance(v, str) else tuple(v) for k, v in (told or {}).items()}
     for key in named:
         if key not in KEYS:
@@ -136,7 +136,7 @@ def drafted(
     return path, draft
 
 
-def told_apart(
+def measurements_and_fmu(
     files: Sequence[Path], fmu: str | Path | None
 ) -> tuple[list[Path], str | Path | None]:
     """Files of measurements, and the FMU, which may stand among them.
@@ -166,8 +166,8 @@ def _of_time(
     demodulated: tuple[DemodulatedFile, ...] = demodulated_of(paths, columns)
     if demodulated and fmu is not None:
         # columns that are called like variables of the FMU are a recording of these
-        with Fmu(fmu, 1) as held:
-            known = {name.lower() for name in held.workers.description.variables}
+        with Fmu(fmu, 1) as opened:
+            known = {name.lower() for name in opened.workers.description.variables}
         names = [name for key, name in demodulated[0].columns.items() if key != "time"]
         if all(name.rpartition("/")[2].lower() in known for name in names):
             demodulated = ()
@@ -205,14 +205,14 @@ def _of_frequency(
             f"--{key}: found the column '{column}', which a recording over time has; wanted the "
             f"FMU's {key} alone"
         )
-    [control] = answers.told.get("control", (None,))
-    if control is not None or NOISE not in answers.told.get("kind", ()):
+    [control] = answers.requested.get("control", (None,))
+    if control is not None or NOISE not in answers.requested.get("kind", ()):
         joint = fmu is not None and fmu != TWO_MODES
         series = series_of(paths, columns, control, folder, joint=joint)
         if series is not None:
             with _listed(series, folder), _offer(fmu or TWO_MODES, answers) as offer:
                 draft = map_draft(series, offer, answers, folder)
-            return replace(draft, said=(series.words, *draft.said))
+            return replace(draft, notes=(series.words, *draft.notes))
     files = settled(files_of(paths, columns, answers), answers)
     if fmu in (None, ONE_MODE):
         check_one_line(files)
@@ -243,7 +243,7 @@ def _listed(series: MapFile, folder: Path) -> Iterator[None]:
 @contextmanager
 def _offer(fmu: str | Path, answers: Answers) -> Iterator[Offer]:
     """What the FMU offers, with a worker for as long as the context lasts."""
-    [interface] = answers.told.get("interface", (None,))
-    with Fmu(fmu, 1, interface=interface) as held:
+    [interface] = answers.requested.get("interface", (None,))
+    with Fmu(fmu, 1, interface=interface) as opened:
         is_model = isinstance(fmu, str) and fmu.isidentifier()
-        yield offer_of(str(fmu), held.workers, interface, is_model=is_model)
+        yield offer_of(str(fmu), opened.workers, interface, is_model=is_model)

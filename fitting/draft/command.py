@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: files or an FMU that cannot be used, or do not suit each other.
         FmuFailure: the FMU failed with its own start values.
     """
-    from fitting.draft.api import drafted, told_apart
+    from fitting.draft.api import drafted, measurements_and_fmu
     from fitting.extension.report import printed_lines
 
     same = ("output", "tone", "input", "fit", "kind", "interface", "control")
@@ -109,13 +109,13 @@ def run(args: argparse.Namespace) -> int:
             told={name: value for name, value in given.items() if value is not None},
             ask=ask,
         )
-    measured, fmu = told_apart(args.files, args.fmu)
+    measured, fmu = measurements_and_fmu(args.files, args.fmu)
     command = f"fmu-fit reconstruct {shlex.quote(str(path))}"
     if not measured:
         named = "--fmu " * (args.fmu is not None) + shlex.quote(str(fmu))
         command = f"fmu-fit init {named} FILE --out {shlex.quote(str(args.out))}"
     without = bool(measured and made.undescribed)
-    texts = (*made.said, made.undescribed)
+    texts = (*made.notes, made.undescribed)
     lines = printed_lines("draft/text", "drafted", texts, path, without, command, not measured)
     print(*lines, sep="\n")
     return 0

@@ -206,7 +206,7 @@ def decays_draft(
     text, lead = blocks("draft/text"), "A ringdown: no column drives, and "
     notes = described(files, output, "") + ([str(text.late())] if late else [])
     notes += str(text.decay(lead, shown, lines, offer, left)).splitlines()
-    return draft_from(tables, offer, folder, (*notes, *answers.said, *starts_words(chosen)))
+    return draft_from(tables, offer, folder, (*notes, *answers.notes, *starts_words(chosen)))
 
 
 def demodulated_of(paths: Sequence[Path], columns: Columns) -> tuple[DemodulatedFile, ...]:
@@ -274,7 +274,7 @@ def demodulated_draft(
     for file in files:
         record = file.record
         # the frequency that was demodulated at is in the file, or answered
-        if not math.isfinite(record.reference_hz) or QUESTION.key in answers.told:
+        if not math.isfinite(record.reference_hz) or QUESTION.key in answers.requested:
             words, why = (f"{file.path}: {text}" for text in (QUESTION.words, QUESTION.why))
             [requested] = answers.of(replace(QUESTION, words=words, why=why))
             record = replace(record, reference_hz=float(requested))
@@ -320,7 +320,7 @@ def demodulated_draft(
     if phasors:
         notes = text.decay(str(text.demodulated(first.reference_hz)), lines, lines, offer, left)
     remarks = [words for each in ringdowns for words in each.remarks]
-    notes = (*remarks, *str(notes).splitlines(), *answers.said, *starts_words(chosen))
+    notes = (*remarks, *str(notes).splitlines(), *answers.notes, *starts_words(chosen))
     return draft_from(tables, offer, folder, notes)
 
 

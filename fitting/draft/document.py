@@ -55,7 +55,7 @@ class Draft:
     """
 
     text: str
-    said: tuple[str, ...]
+    notes: tuple[str, ...]
     undescribed: str = ""
 
 

@@ -22,8 +22,8 @@ from fitting.campaign.instruments.roles import (
 )
 from fitting.draft.boxes import REACH, Shown
 from fitting.draft.questions import Answers, Question
-from fitting.draft.two_modes import BESIDE, TwoModes, apart_hz, two_modes_of
 from fitting.draft.two_modes import COUPLED as COUPLED_MODES
+from fitting.draft.two_modes import SEPARATE, TwoModes, two_modes_of
 from fitting.extension.records import PLAIN
 from fitting.lines.excluded import spike_note, spikes_in
 from fitting.lines.line import Line, line_of
@@ -53,7 +53,7 @@ from fitting.text.units import same_kind
 NOISE, SWEEP = KINDS = ("noise", "sweep")
 #: Gain of the logarithm of the likelihood from which the scatter tells, span of the lines over
 #: their floor below which it does not, and the least share of itself that a density scatters by.
-TELLS, SPAN, SHARE = 10.0, 3.0, 0.05
+LEAST_GAIN, SPAN, SHARE = 10.0, 3.0, 0.05
 #: Mean square of steps between residuals over that of these: 2 of noise, 0 of a smooth misfit.
 ROUGH = 1.0
 #: How much less a density has to scatter than its root, where the unit is that of amplitudes.
@@ -116,7 +116,6 @@ class NoiseLook:
         if lines is None or lines.kind != COUPLED:
             return None
         f1, w1, f2, w2, coupling = lines.modes
-        numbers = [each.frequency for each in lines.lines] + [each.width for each in lines.lines]
         return TwoModes(
             kind=COUPLED_MODES,
             frequency_hz=(f1, f2),
@@ -124,9 +123,7 @@ class NoiseLook:
             coupling_hz=coupling,
             drive=0.0,
             describes=True,
-            line_hz=tuple(each.value for each in numbers),
-            line_std_hz=tuple(each.std for each in numbers),
-            apart_hz=apart_hz((f1, f2), (w1, w2), coupling),
+            lines=(*(x.frequency for x in lines.lines), *(x.width for x in lines.lines)),
         )
 
     @property
@@ -210,14 +207,14 @@ class SweepFile:
 
 @dataclass(frozen=True, kw_only=True)
 class MapFile:
-    """Spectra over a control quantity in one table: ``found`` says which.
+    """Spectra over a control quantity in one table: ``control_map`` says which.
 
     Of several files that make one, ``listing`` is the text of the table that lists them, and
     ``words`` the sentence on what the control is and where it was found.
     """
 
     roles: Roles
-    found: ControlMap
+    control_map: ControlMap
     listing: str = ""
     words: str = ""
 
@@ -228,8 +225,10 @@ class MapFile:
             why: no draft can be made.
             drafted: whether another FMU would have one.
         """
-        way = self.found.way(phases=self.roles.is_complex, drafted=drafted)
-        return BadInput(f"{self.found.path}: is a map, {self.found.words}; {why}. {way}")
+        way = self.control_map.way(phases=self.roles.is_complex, drafted=drafted)
+        return BadInput(
+            f"{self.control_map.path}: is a map, {self.control_map.words}; {why}. {way}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -316,7 +315,7 @@ class Files:
     def modes(self) -> TwoModes | None:
         """What describes them, where it is more than each of them by itself."""
         modes = None if self.pair is None else self.pair.modes
-        return None if modes is None or modes.kind == BESIDE else modes
+        return None if modes is None or modes.kind == SEPARATE else modes
 
 
 def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files:
@@ -343,7 +342,7 @@ def files_of(paths: Sequence[Path], columns: Columns, answers: Answers) -> Files
         with contextlib.suppress(BadInput):  # its reader complains
             roles = roles_of(path, own)
             if (result := map_in(roles)) is not None:
-                maps.append(MapFile(roles=roles, found=result))
+                maps.append(MapFile(roles=roles, control_map=result))
     if maps and len(paths) > 1:
         raise maps[0].refused("wanted it without other files")
     if maps:
@@ -446,7 +445,7 @@ def noise_look(roles: Roles, frequency_hz: FloatArray) -> NoiseLook | None:
         return look
     amount = y.size * math.log(float(np.sqrt(np.mean((y - curve) ** 2))))
     share = y.size * math.log(float(np.sqrt(square)))
-    by_share = amount - share - float(np.sum(np.log(curve))) > TELLS
+    by_share = amount - share - float(np.sum(np.log(curve))) > LEAST_GAIN
     return replace(look, by=BY_SCATTER) if by_share else look
 
 
@@ -506,11 +505,11 @@ def settled(files: Files, answers: Answers) -> Files:
     if files.table is not None:
         _check_one_sweep([s for s in files.sweeps if not s.is_complex])
         return files
-    given = "kind" in answers.told
+    given = "kind" in answers.requested
     made = []
     for sweep in files.sweeps:
         look, kind = sweep.noise, SWEEP
-        if look is None and answers.told.get("kind") == (NOISE,):
+        if look is None and answers.requested.get("kind") == (NOISE,):
             raise BadInput(
                 f"--kind {NOISE}: {sweep.path} cannot be one; wanted a table with a unit of its "
                 "frequencies, which rise, and amplitudes or densities above zero"

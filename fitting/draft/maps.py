@@ -249,7 +249,7 @@ def _joined(
         cells.append([f"{value:.12g}", relative_path(path, folder)])
     return MapFile(
         roles=replace(roles[0], **made),
-        found=result,
+        control_map=result,
         listing=csv_text(cells),
         words=str(blocks("draft/text").control(quantity, settings.tolist(), where)),
     )
@@ -284,7 +284,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
         laws[f"f{3 - crossing.tuned}"] = _law("b", crossing.other, control, origin)
     # both modes may be driven and read where one is not enough
     shared = _exceeds_noise(crossing, spectra) and READOUT in outputs
-    if shared and "output" not in answers.told:
+    if shared and "output" not in answers.requested:
         output = READOUT
     shared = shared and output == READOUT
     boxes = _boxes(crossing, spectra, laws)
@@ -305,7 +305,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     read = "what the detector reads: both modes" if shared else "what the detector sees: mode 1"
     moved = f"{control.name} moves it, a guess"
     tables: dict[str, Any] = {
-        "title": file.found.path.stem,
+        "title": file.control_map.path.stem,
         "fmu": fmu_table(offer, start, () if shared else ("g2",), taken),
         "observe": {
             "output": noted(output, read),
@@ -326,7 +326,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
         more = math.log10(max(10.0, abs(crossing.place) / spectra.half))
         place = number(crossing.place, 2 + math.ceil(more))
     result = blocks("draft/text").map(file, crossing, control, place, len(laws) > 1, delayed)
-    notes = (*sentence_lines(lead(file.roles)), *str(result).splitlines(), *answers.said)
+    notes = (*sentence_lines(lead(file.roles)), *str(result).splitlines(), *answers.notes)
     head = (
         "A first campaign, written by fmu-fit init from this map: it runs as it is.",
         f"What a remark calls a guess is one; {PAGE} describes maps.",
@@ -347,16 +347,16 @@ def _suited(file: MapFile, offer: Offer, answers: Answers) -> tuple[Channel, tup
         why = f"{offer.name} is no FMU of two modes with {listed(PAIR)} in Hz"
         raise file.refused(why, drafted=True)
     for key in ("fit", "tone", "input"):
-        if answers.told.get(key):
+        if answers.requested.get(key):
             raise BadInput(
                 f"--{key}: of a map {listed(PAIR)} are fitted, under one tone; wanted another "
                 "choice in the campaign itself"
             )
-    if len(file.found.controls) > 1:
+    if len(file.control_map.controls) > 1:
         raise file.refused("a draft has one control")
-    if len(file.found.rows) < LEAST_SPECTRA:
+    if len(file.control_map.rows) < LEAST_SPECTRA:
         raise file.refused(f"wanted {LEAST_SPECTRA} spectra at least, which determine a law")
-    [channel] = file.found.controls
+    [channel] = file.control_map.controls
     if channel.name in [column.name for column in file.roles.all]:
         raise file.refused("no other column seems the amplitude, wanted its name by --amplitude")
     taken = {*known, "a0", "a1", "a2", "pi", "f"}
@@ -374,13 +374,13 @@ def _spectra(file: MapFile) -> tuple[Spectra, list[ComplexArray]]:
         raise file.refused(f"'{sizes.name}' is a power, wanted its root, an amplitude")
     f = hertz_in(file.roles)
     values, _, _ = values_in(file.roles)
-    order = [rows[np.argsort(f[rows])] for rows in file.found.rows]
+    order = [rows[np.argsort(f[rows])] for rows in file.control_map.rows]
     amplitudes = [np.abs(values[rows]) for rows in order]
     if not all(np.any(each > 0.0) for each in amplitudes):
         raise BadInput(
-            f"{file.found.path}: a spectrum is zero at all frequencies, wanted a resonance"
+            f"{file.control_map.path}: a spectrum is zero at all frequencies, wanted a resonance"
         )
-    spectra = Spectra(file.found.settings[:, 0], [f[rows] for rows in order], amplitudes)
+    spectra = Spectra(file.control_map.settings[:, 0], [f[rows] for rows in order], amplitudes)
     phased = order if np.iscomplexobj(values) else []
     return spectra, [np.asarray(values[rows], dtype=complex) for rows in phased]
 
@@ -388,14 +388,14 @@ def _spectra(file: MapFile) -> tuple[Spectra, list[ComplexArray]]:
 def _measured(file: MapFile, answers: Answers) -> dict[str, Any]:
     """The table of a map."""
     made: dict[str, Any] = {
-        "file": file.found.path,
+        "file": file.control_map.path,
         "controls": noted(
-            [channel.name for channel in file.found.controls],
-            f"{len(file.found.rows)} values, a spectrum for each",
+            [channel.name for channel in file.control_map.controls],
+            f"{len(file.control_map.rows)} values, a spectrum for each",
         ),
     }
     if file.roles.sizes is not None and not file.roles.is_complex:
-        [kind] = answers.told.get("amplitudes") or ("peak",)
+        [kind] = answers.requested.get("amplitudes") or ("peak",)
         kind = meaning([file.roles.sizes.unit or ""], kind)
         no_part = "peak or rms plays no part: each spectrum has its own scale"
         made["amplitude"] = noted(kind, no_part)

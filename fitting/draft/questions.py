@@ -14,7 +14,7 @@ from fitting.text.units import convert, parse_quantity
 #: Options that are listed in a question, at most.
 MOST_SHOWN = 12
 #: How often a person is asked a question.
-MOST_ASKED = 3
+MOST_TRIES = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,15 +48,15 @@ class Answers:
     """Answers by flags, then by a person, else by default; and what was taken, in sentences.
 
     Attributes:
-        told: answers by flags, by the question's key.
+        requested: answers by flags, by the question's key.
         ask: asks a person; None: nobody is there.
-        said: what was taken and why, in sentences.
+        notes: what was taken and why, in sentences.
         columns: names of columns of a recording that hold what is told, as "input" or "output".
     """
 
-    told: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    requested: dict[str, tuple[str, ...]] = field(default_factory=dict)
     ask: Ask | None = None
-    said: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     columns: dict[str, str] = field(default_factory=dict)
 
     def of(self, question: Question) -> tuple[str, ...]:
@@ -69,11 +69,11 @@ class Answers:
             BadInput: a flag that names none of the options, or nothing to choose from.
         """
         key = question.key
-        if self.told.get(key):
-            return self._checked(question, self.told[key], f"--{key}")
+        if self.requested.get(key):
+            return self._checked(question, self.requested[key], f"--{key}")
         if self.ask is not None and (len(question.options) > 1 or question.unit):
             requested, refused = question, BadInput()
-            for _ in range(MOST_ASKED):
+            for _ in range(MOST_TRIES):
                 answer = self.ask(requested)
                 if not answer:
                     break
@@ -94,7 +94,7 @@ class Answers:
             raise BadInput(f"--{key}: {wanted}")
         others = any(name not in question.default for name in question.options)
         stated = blocks("draft/text").default(key, question.default, question.why, others)
-        self.said.append(str(stated))
+        self.notes.append(str(stated))
         return question.default
 
     def one_of(self, key: str, words: str, options: tuple[str, ...], default: str, why: str) -> str:
@@ -156,5 +156,5 @@ class Answers:
                     raise BadInput(f"{where}: found '{name}'{hint}")
             if len(answer) > 1 and not question.several:
                 raise BadInput(f"{where}: found {len(answer)} names, wanted one")
-        self.said.append(str(blocks("draft/text").requested(question.key, text)))
+        self.notes.append(str(blocks("draft/text").requested(question.key, text)))
         return taken

@@ -80,7 +80,7 @@ STEP, COUNTS = 0.1, 0.2
 BEYOND = (FANO, FLOOR, RICE, TAIL)
 #: Backgrounds of complex sweeps, and of amplitudes with the remark on them, by the line's form.
 BACKGROUNDS = {FANO: "constant", SLOPED: "slope"}
-BESIDE = {
+BACKGROUNDS_OF_AMPLITUDES = {
     OFFSET: (OFFSET, "a constant besides the line: solved inside"),
     SLOPED: (SLOPE, "with a slope, besides the line: solved inside"),
 }
@@ -142,7 +142,7 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
         start |= {n: v for n, v in _pair_start(modes).items() if n not in fitted}
     boxes = _boxes(files, offer, fitted, {name: value for name, (value, _) in start.items()})
     level = 1.0 if response is None else _linear_level(response, offer, boxes)
-    held, derived = _reported(offer, fitted, line, modes)
+    fixed, derived = _reported(offer, fitted, line, modes)
     # the campaign
     titles = ", ".join(sweep.path.stem for sweep in files.sweeps)
     others = [name for name in offer.outputs if name != output][:4]
@@ -169,13 +169,13 @@ def sweeps_draft(files: Files, offer: Offer, answers: Answers, folder: Path) -> 
         tables["fmu"]["model"] = noted(offer.name, "shipped with fmu-fit and built on demand")
     # what the results will rest on
     text = blocks("draft/text")
-    stated = [*_described(files), *answers.said, *starts_words(boxes)]
+    stated = [*_described(files), *answers.notes, *starts_words(boxes)]
     if pair:
         kind = "" if modes is None else modes.kind
         stated.append(str(text.taken_modes(kind, files.where, files.is_noise)))
-    if held:
-        stated.append(str(text.held(held)))
-    elif modes is not None and not derived and not modes.tells_lines:
+    if fixed:
+        stated.append(str(text.fixed(fixed)))
+    elif modes is not None and not derived and not modes.matches_lines:
         stated.append(str(text.not_reported(modes, offer.derived)))
     if measured:
         return draft_from(tables, offer, folder, stated, undescribed=_undescribed(files, offer))
@@ -246,15 +246,15 @@ def _reported(
     The latter are of all modes or, where others are held, of the fitted one; none of coupled modes
     whose own numbers are not those of the lines.
     """
-    held = []
+    fixed = []
     if line is not None and len(offer.places) > 1:
-        held = [n for n in (*offer.places, *offer.widths) if n not in fitted]
-    if modes is not None and not modes.tells_lines:
-        return held, ()
+        fixed = [n for n in (*offer.places, *offer.widths) if n not in fitted]
+    if modes is not None and not modes.matches_lines:
+        return fixed, ()
     derived = tuple(n for n in (*offer.derived, *offer.qualities) if n not in fitted)
     marks = {n.rpartition("_")[2] for n in fitted if n in offer.places and "_" in n}
     of_mode = tuple(n for n in derived if n.rpartition("_")[2] in marks)
-    return held, of_mode if held and of_mode else derived
+    return fixed, of_mode if fixed and of_mode else derived
 
 
 def _pair_start(modes: TwoModes | None) -> dict[str, tuple[Scalar, str]]:
@@ -323,7 +323,7 @@ def _output(files: Files, offer: Offer, answers: Answers) -> str:
 def _driven(files: Files, offer: Offer, answers: Answers) -> tuple[list[tuple[str, str]], str]:
     """The tones that drive, or else the input."""
     pairs = dict(offer.tones)
-    if pairs and "input" not in answers.told and files.table is not None:
+    if pairs and "input" not in answers.requested and files.table is not None:
         names = [c.name for c in files.table.tones]
         if any(name not in pairs for name in names):
             raise BadInput(
@@ -331,7 +331,7 @@ def _driven(files: Files, offer: Offer, answers: Answers) -> tuple[list[tuple[st
                 f"{listed(pairs)}; wanted the FMU's names in the header, or --input"
             )
         return [(name, pairs[name]) for name in names], ""
-    if pairs and "input" not in answers.told:
+    if pairs and "input" not in answers.requested:
         first = next(iter(pairs))
         words = "Which parameter of the FMU holds the frequency of the drive?"
         question = Question(
@@ -547,8 +547,8 @@ def _sweep(sweep: SweepFile, amplitude: str, *, fitted: bool) -> dict[str, Any]:
     form = "" if sweep.driven_line is None else sweep.driven_line.forms[0].name
     if form == FANO:
         made["background"] = noted("complex", "of the line by itself, found by comparing")
-    elif form in BESIDE and fitted:
-        made["background"] = noted(*BESIDE[form])
+    elif form in BACKGROUNDS_OF_AMPLITUDES and fitted:
+        made["background"] = noted(*BACKGROUNDS_OF_AMPLITUDES[form])
     return made
 
 

@@ -258,7 +258,7 @@ def traces_draft(
     notes = described(files, output, driven)
     if not driven and offer.inputs:
         notes.append(str(blocks("draft/text").undriven(TIME_PAGE)))
-    return draft_from(tables, offer, folder, (*notes, *answers.said, *starts_words(boxes)))
+    return draft_from(tables, offer, folder, (*notes, *answers.notes, *starts_words(boxes)))
 
 
 def _variable(key: str, recording: Recording, options: tuple[str, ...], answers: Answers) -> str:

@@ -2,11 +2,11 @@
 
 With D = f0^2 - f^2 + i f d of each mode by itself, and k = lambda^2 the coupling,
 
-    beside     S = 1/D1 + g/D2                      each line is a mode, both are seen
-    coupled    S = D2/(D1 D2 - k^2)                 mode 1 is driven and seen, mode 2 is coupled
-    driven     S = (D2 + k g)/(D1 D2 - k^2)         and mode 2 is driven, too
+    separate   S = 1/D1 + g/D2                     each line is a mode, both are seen
+    coupled    S = D2/(D1 D2 - k^2)                mode 1 is driven and seen, mode 2 is coupled
+    driven     S = (D2 + k g)/(D1 D2 - k^2)        and mode 2 is driven, too
 
-times a gain, and beside a constant where there are phases. The first has lines in phase, or half a
+times a gain, and next to a constant where there are phases. The first has lines in phase, or half a
 turn apart; of coupled modes of unlike dampings they are not. The simplest one is taken that leaves
 no more than noise lets it beside two lines of any heights and phases (`fitting.lines.several`);
 both with one unknown less are equally simple, and the first of them goes before.
@@ -22,23 +22,25 @@ import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from fitting.lines.choice import chance
 from fitting.lines.form import LineFit
+from fitting.lines.record import LineNumber
 from fitting.lines.several import fit_lines
 from fitting.lines.trace import Trace
 from fitting.signal.least_squares import minimise_squares
 from fitting.text.arrays import ComplexArray, FloatArray, both_parts
 
-BESIDE, COUPLED, DRIVEN = "beside", "coupled", "driven"
+SEPARATE, COUPLED, DRIVEN = "separate", "coupled", "driven"
 #: Probability from which noise is why two lines of any phases leave less.
 BY_CHANCE = 0.01
 #: Evaluations of a fit, and the relative fall of the squares at which it ends.
 ROUNDS, GAIN = 300, 1e-12
 #: Unknowns of x that each model has.
-UNKNOWNS = {BESIDE: 5, COUPLED: 5, DRIVEN: 6}
+UNKNOWNS = {SEPARATE: 5, COUPLED: 5, DRIVEN: 6}
 #: Drives of the second mode, g, from which coupled modes begin: none, or both signs.
 STARTS: Mapping[str, tuple[tuple[float, ...], ...]] = {COUPLED: ((),), DRIVEN: ((0.1,), (-0.1,))}
 
@@ -49,9 +51,7 @@ class TwoModes:
 
     `frequency_hz` and `width_hz` (2,) of each mode by itself, Hz; `coupling_hz` is lambda, Hz,
     `drive` g2, zero where there is none. `describes` is False where even this one leaves more than
-    the noise. `line_hz` are the frequencies of both lines, then their widths, Hz, `line_std_hz`
-    their errors, `apart_hz` how far the model's own numbers for them, eta and width, are off these:
-    frequencies without damping, and widths as if dampings were alike.
+    the noise. `lines` are the frequencies of both lines, then their widths, Hz, with errors.
     """
 
     kind: str
@@ -60,15 +60,31 @@ class TwoModes:
     coupling_hz: float
     drive: float
     describes: bool
-    line_hz: tuple[float, ...]
-    line_std_hz: tuple[float, ...]
-    apart_hz: tuple[float, ...]
+    lines: tuple[LineNumber, ...]
+
+    @cached_property
+    def apart_hz(self) -> tuple[float, ...]:
+        """How far the model's own numbers, eta and width, are from those of the lines, Hz, (4,).
+
+        These are frequencies without damping, and widths as if dampings were alike.
+        """
+        (a, b), squared = self.frequency_hz, self.coupling_hz**2
+        own, shapes = np.linalg.eigh([[a**2, squared], [squared, b**2]])
+        wide = (shapes**2).T @ np.array(self.width_hz)
+        one, two = ([-1.0, 1j * w, f * f] for f, w in zip((a, b), self.width_hz, strict=True))
+        both = np.polymul(one, two)
+        both[-1] -= squared**2
+        poles = sorted((p for p in np.roots(both) if p.real > 0.0), key=abs)[:2]
+        if len(poles) < 2:  # a mode that does not oscillate is no line
+            return (math.inf,) * 4
+        lines = np.array([*map(abs, poles), *(2.0 * p.imag for p in poles)])
+        return tuple(np.abs(lines - [*np.sqrt(np.abs(own)), *wide]).tolist())
 
     @property
-    def tells_lines(self) -> bool:
+    def matches_lines(self) -> bool:
         """Whether the model's own numbers are those of the lines, within half their errors."""
-        pairs = zip(self.apart_hz, self.line_std_hz, strict=True)
-        return all(apart < 0.5 * std for apart, std in pairs)
+        pairs = zip(self.apart_hz, self.lines, strict=True)
+        return all(apart < 0.5 * number.std for apart, number in pairs)
 
 
 def two_modes_of(trace: Trace) -> TwoModes | None:
@@ -104,28 +120,6 @@ def two_modes_of(trace: Trace) -> TwoModes | None:
     return models[kind].modes_at(fits[kind][1], describes=bool(likely))
 
 
-def apart_hz(
-    places: tuple[float, float], widths: tuple[float, float], coupling: float
-) -> tuple[float, ...]:
-    """How far modes without damping are from the lines, in frequency and width, Hz, (4,).
-
-    Args:
-        places: frequencies of both modes by themselves, Hz.
-        widths: full widths of both, Hz.
-        coupling: lambda, Hz.
-    """
-    own, shapes = np.linalg.eigh([[places[0] ** 2, coupling**2], [coupling**2, places[1] ** 2]])
-    wide = (shapes**2).T @ np.array(widths)
-    one, two = ([-1.0, 1j * w, a * a] for a, w in zip(places, widths, strict=True))
-    both = np.polymul(one, two)
-    both[-1] -= coupling**4
-    poles = sorted((p for p in np.roots(both) if p.real > 0.0), key=abs)[:2]
-    if len(poles) < 2:  # a mode that does not oscillate is no line
-        return (math.inf,) * 4
-    lines = np.array([*map(abs, poles), *(2.0 * p.imag for p in poles)])
-    return tuple(np.abs(lines - [*np.sqrt(np.abs(own)), *wide]).tolist())
-
-
 class _Model:
     """A model of two modes, and a sweep over its largest value.
 
@@ -157,7 +151,7 @@ class _Model:
         one, two = (
             ((a - self.f) * (a + self.f) + 1j * self.f * w) / size for a, w in self.modes(x)
         )
-        if self.kind == BESIDE:
+        if self.kind == SEPARATE:
             response = 1.0 / one + x[4] / two
         else:
             more = x[4] * x[5] if self.kind == DRIVEN else 0.0
@@ -188,7 +182,7 @@ class _Model:
             widths = [math.log(2.0 * max(p.imag, 1e-6)) for p in (one, two)]
             return np.array([one.real, two.real, *widths, *more])
 
-        if self.kind == BESIDE:  # of both signs: those of the pair may be the mirrored ones
+        if self.kind == SEPARATE:  # of both signs: those of the pair may be the mirrored ones
             ratios = {abs((zero - p2) / (p1 - zero)) for zero in zeros if zero != p1}
             return [start(p1, p2, sign * g) for g in sorted(ratios) for sign in (1.0, -1.0)]
         made = []
@@ -207,7 +201,7 @@ class _Model:
         """The values of x in their units."""
         (f1, w1), (f2, w2) = self.modes(x)
         coupling, drive = 0.0, float(x[4])
-        if self.kind != BESIDE:
+        if self.kind != SEPARATE:
             coupling = math.sqrt(2.0 * self.middle * self.unit * abs(float(x[4])))
             # lambda^2 has a sign of its own, which g2 takes
             drive = math.copysign(float(x[5]), float(x[4] * x[5])) if self.kind == DRIVEN else 0.0
@@ -218,7 +212,5 @@ class _Model:
             coupling_hz=coupling,
             drive=drive,
             describes=describes,
-            line_hz=tuple(number.value for number in self.numbers),
-            line_std_hz=tuple(number.std for number in self.numbers),
-            apart_hz=apart_hz((f1, f2), (w1, w2), coupling),
+            lines=tuple(self.numbers),
         )

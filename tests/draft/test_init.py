@@ -210,7 +210,7 @@ def test_overlapping_lines_in_phase_are_modes_of_their_own(share: float, seed: i
     found = two_modes_of(trace_of(f, seen, "V"))
     assert found is not None
     assert found.describes
-    assert found.kind == "beside"
+    assert found.kind == "separate"
     assert found.frequency_hz == pytest.approx((880_100.0, 880_260.0), abs=3.0)
     assert found.width_hz == pytest.approx((120.0, 95.0), rel=0.05)
     assert found.drive == pytest.approx(share * 95.0 / 120.0, rel=0.05)

@@ -145,9 +145,9 @@ def test_unit_name_or_scatter_tell_a_noise_spectrum(
     assert taken.noise.is_root is (power == 0.5)
     assert taken.two is not None
     assert taken.two.frequency_hz == pytest.approx((ETA, ETA + 300.0), abs=2.0)
-    assert any(words.startswith("kind: noise") for words in answers.said) is guessed
+    assert any(words.startswith("kind: noise") for words in answers.notes) is guessed
     if header == "reading":
-        [asked] = settled(files, Answers(told={"kind": ("sweep",)})).sweeps
+        [asked] = settled(files, Answers(requested={"kind": ("sweep",)})).sweeps
         assert not asked.is_noise
 
 
@@ -158,7 +158,7 @@ def test_a_sweep_with_noise_of_one_size_stays_a_sweep(tmp_path: Path) -> None:
     files = files_of([write_csv(tmp_path / "s.csv", "f (Hz),S", f, seen)], Columns(), Answers())
     [taken] = settled(files, answers).sweeps
     assert not taken.is_noise
-    assert not answers.said
+    assert not answers.notes
 
 
 def test_phases_are_no_noise_spectrum(tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ def test_phases_are_no_noise_spectrum(tmp_path: Path) -> None:
     seen = mode(f, ETA, WIDTH) + noise(f.size, 1e-2, 1)
     file = write_csv(tmp_path / "s.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
     with pytest.raises(BadInput, match=r"s\.csv"):
-        settled(files_of([file], Columns(), Answers()), Answers(told={"kind": ("noise",)}))
+        settled(files_of([file], Columns(), Answers()), Answers(requested={"kind": ("noise",)}))
 
 
 def test_a_line_beside_crosstalk_in_dbm_is_no_noise(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from fitting.draft.questions import MOST_ASKED, Answers, Question
+from fitting.draft.questions import MOST_TRIES, Answers, Question
 from fitting.text.errors import BadInput
 
 OUTPUT = Question(
@@ -44,7 +44,7 @@ def test_an_answer_that_is_no_option_is_asked_for_again() -> None:
     assert person.asked[0] == OUTPUT.words
     assert "'Q3'" in person.asked[1]
     assert "q1" not in person.asked[1]  # the options stand behind it
-    [said] = answers.said
+    [said] = answers.notes
     assert said.startswith("output: q2")
 
 
@@ -56,4 +56,4 @@ def test_nobody_is_asked_without_end() -> None:
     person = Person(*["no"] * 10)
     with pytest.raises(BadInput, match=r"output: .*'no'"):
         Answers(ask=person).of(OUTPUT)
-    assert len(person.asked) == MOST_ASKED
+    assert len(person.asked) == MOST_TRIES

@@ -87,9 +87,9 @@ def test_five_sweeps_are_one_map_over_their_control(way: str, tmp_path: Path) ->
     found = series_of(paths, Columns(), options[1] if options else None, tmp_path, joint=False)
     assert found is not None
     shift = 3.0 if way == "file names, a unit alone" else 0.0
-    assert found.found.settings[:, 0].tolist() == [v + shift for v in VOLTS]
-    assert found.found.controls[0].unit == "V"
-    assert len(found.found.rows) == len(VOLTS)
+    assert found.control_map.settings[:, 0].tolist() == [v + shift for v in VOLTS]
+    assert found.control_map.controls[0].unit == "V"
+    assert len(found.control_map.rows) == len(VOLTS)
 
 
 def test_the_map_is_drafted_and_read(tmp_path: Path) -> None:
