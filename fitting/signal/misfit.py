@@ -166,14 +166,13 @@ def far_off(white: FloatArray, slopes: FloatArray, readings: IntArray) -> tuple[
     """Numbers of single residuals that make up a misfit alone, the farthest first; mostly none.
 
     As few are left out of a linear fit as do until chi square of the rest is what the noise
-    explains, or nearly (`misfit_of`); each is FAR beyond that fit, and their readings are few. No
-    two of these are next to each other on a curve: what neighbours share is no single reading's.
+    explains, or nearly (`misfit_of`); each is FAR beyond that fit, and their readings are few.
 
     Args:
         white: over their noise, shape (m,).
         slopes: their derivatives by all that is fitted, shape (m, k).
         readings: number of the reading each is of, shape (m,): peaks of one experiment are one
-            reading, as are both parts of a complex value; next numbers are next on a curve.
+            reading, as are both parts of a complex value.
     """
     out: list[int] = []
     most = min(MOST_OFF, max(1, int(FEW * white.size)))
@@ -182,8 +181,7 @@ def far_off(white: FloatArray, slopes: FloatArray, readings: IntArray) -> tuple[
         sizes = np.abs(left)
         sizes[out] = 0.0
         out.append(int(np.argmax(sizes)))
-        apart = np.unique(readings[out])
-        if apart.size > most or np.any(np.diff(apart) == 1):
+        if np.unique(readings[out]).size > most:
             return ()
         left = _left_without(white, slopes, out)
         freedom = white.size - len(out) - slopes.shape[1]

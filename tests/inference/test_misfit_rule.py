@@ -174,6 +174,18 @@ def test_a_single_point_far_off_is_named_and_is_no_larger_noise() -> None:
     assert Kind.noise_underestimated not in kinds(found)
 
 
+@pytest.mark.parametrize(("other", "described"), [(90, True), (31, False)])
+def test_points_next_to_each_other_are_no_single_ones(other: int, described: bool) -> None:
+    """Two glitches, or a structure of two points: noise of three times the size is neither."""
+    data = line(U) + noise()
+    data[[30, other]] += 1.5
+    found = inferred(fitted_line(sweep(data, NOISE)))
+    assert found.status is (Status.CONVERGED if described else Status.MISFIT)
+    assert withdrawn(found) is not described
+    assert len([f for f in found.findings if f.kind is Kind.outlier]) == (2 if described else 0)
+    assert Kind.noise_underestimated not in kinds(found)
+
+
 # --- a fit that has not converged ---------------------------------------------------------------
 
 

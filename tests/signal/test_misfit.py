@@ -123,11 +123,3 @@ def test_residuals_of_one_reading_count_as_one() -> None:
     assert sorted(far_off(white, slopes, experiment)) == [8, 9]
     white[20] -= 9.0
     assert far_off(white, slopes, experiment) == ()
-
-
-def test_neighbours_on_a_curve_are_no_single_readings() -> None:
-    """Two of 200 far off: alone where they are apart, no outliers where they are next."""
-    for there, found in ((40, [17, 40]), (18, [])):
-        white = np.random.default_rng(2).standard_normal(200)
-        white[[17, there]] += 40.0
-        assert sorted(far_off(white, np.ones((200, 1)), np.arange(200))) == found

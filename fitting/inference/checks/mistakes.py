@@ -122,6 +122,9 @@ def _lines(data: Dataset) -> dict[int, tuple[str, float, bool]]:
 def without_outliers(fit: Fit, adequacy: Adequacy) -> Adequacy:
     """The same; where single rows make up what looks like larger noise, these are named instead.
 
+    What is next to each other on a curve is no single row: a part of the data is off then, which
+    the model does not describe.
+
     Args:
         fit: a solved problem.
         adequacy: of its residuals.
@@ -139,6 +142,8 @@ def without_outliers(fit: Fit, adequacy: Adequacy) -> Adequacy:
     far = far_off(white, columns / sigma[:, None], readings)
     if not far:
         return adequacy
+    if np.any(np.diff(np.unique(readings[list(far)])) == 1):
+        return replace(adequacy, noise_factor=1.0, describes=False, is_uneven=True)
     rows = tuple(int(k) for k in np.flatnonzero(known)[list(far)])
     return replace(adequacy, noise_factor=1.0, outliers=rows)
 

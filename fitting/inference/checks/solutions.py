@@ -121,7 +121,7 @@ def residual_findings(
         finding = warning if widening > NOTABLE else note
         kind = Kind.correlated_residuals
         findings.append(finding(kind, subject, None, **numbers, widening=widening))
-    if adequacy.noise_factor > 1.0:
+    if adequacy.noise_factor > 1.0 and adequacy.converged:  # else residuals are not noise alone
         kind, subject = Kind.noise_underestimated, subject_of(series)
         findings.append(warning(kind, subject, None, **numbers, factor=adequacy.noise_factor))
     return tuple(findings)
