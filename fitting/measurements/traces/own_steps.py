@@ -20,6 +20,7 @@ leaves less, which nothing tells from outside.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -95,14 +96,16 @@ class Look:
         return self.closer.step_s * float(np.mean(between))
 
 
-def looked_finely(samples: int) -> tuple[int, ...]:
-    """Communication steps between two samples of closer looks, even numbers.
+def looked_finely(per_sample: int, samples: int) -> tuple[int, ...]:
+    """Communication steps between two samples of closer looks, even multiples of those of a run.
 
     Args:
+        per_sample: steps of a run between two samples.
         samples: of the trace.
     """
-    whole = 2 * (max(FEWEST, min(MOST, LOOKED // samples)) // 2)
-    return (whole,) if whole == MOST else (whole, MOST)
+    whole = per_sample * 2 * (max(FEWEST, min(MOST, LOOKED // (per_sample * samples))) // 2)
+    finer = per_sample * 2 * math.ceil(MOST / (2 * per_sample))
+    return (whole, finer) if whole < finer else (whole,)
 
 
 def euler_leaves(values: FloatArray, pushed: BoolArray, *, late: bool) -> tuple[float, bool]:

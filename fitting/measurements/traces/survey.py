@@ -188,10 +188,10 @@ class Survey(Generic[T]):
             steps: as halving found them.
             left: accuracy that is still to be had.
         """
-        count, begun = steps.per_sample, steps
-        for finely in looked_finely(count * self.trace.run_samples):
-            steps = self._looked_at(points, steps, left, count * finely)
-            if steps.stands_s or steps.per_sample != begun.per_sample:
+        count = steps.per_sample
+        for fine in looked_finely(count, self.trace.run_samples):
+            steps = self._looked_at(points, steps, left, fine)
+            if steps.stands_s or steps.per_sample != count:
                 break
         return steps
 
