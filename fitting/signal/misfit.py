@@ -45,8 +45,8 @@ TESTABLE = 20.0
 #: Degrees of freedom from which the test for structure misses little, and its probability below
 #: which fewer are in doubt.
 SURE, DOUBTFUL = 50.0, 0.05
-#: Probability of residuals along an axis below which those of an improbable chi square are
-#: correlated.
+#: Probability of residuals by white noise below which those of an improbable chi square are
+#: correlated, or of more than one size.
 UNLIKELY = 1e-3
 #: Share of the readings that may be outliers, how many at most, and standard deviations off.
 FEW, MOST_OFF, FAR = 0.02, 10, 5.0
@@ -150,7 +150,7 @@ def of_one_size(white: FloatArray) -> bool:
     """Whether residuals may be noise of one size: a part of them alone does not make up chi square.
 
     Half of Gaussian residuals are within 0.674 of their root mean square. Where so many more are
-    that it is no chance (P < CORRELATED), a part of the data is off and the rest is not. As many
+    that it is hardly chance (P < UNLIKELY), a part of the data is off and the rest is not. As many
     as may be outliers (`far_off`) are left out.
 
     Args:
@@ -159,7 +159,7 @@ def of_one_size(white: FloatArray) -> bool:
     sizes = np.sort(np.abs(white))[: white.size - min(MOST_OFF, int(FEW * white.size))]
     half = MEDIAN_OF_NORMAL * math.sqrt(float(np.mean(sizes**2)))
     inside = int(np.count_nonzero(sizes < half))
-    return bool(bdtrc(inside - 1, sizes.size, 0.5) >= CORRELATED)
+    return bool(bdtrc(inside - 1, sizes.size, 0.5) >= UNLIKELY)
 
 
 def far_off(white: FloatArray, slopes: FloatArray, readings: IntArray) -> tuple[int, ...]:

@@ -104,6 +104,33 @@ def test_records_under_different_inputs_are_one_fit(room: ff.Fmu) -> None:
     held_to_the_bound(fit, least_errors(*drives))
 
 
+@pytest.mark.parametrize("zero_k", [0.0, 273.15])
+def test_kelvin_are_no_larger_an_error_than_degrees(room: ff.Fmu, zero_k: float) -> None:
+    """By Euler's steps, at the truth: what is promised holds, however far the zero is away."""
+    outside = OUTSIDE - zero_k
+    truth = {**TRUTH, "T_start": TRUTH["T_start"] - zero_k}
+    record = ff.Trace(
+        T,
+        inside(list(truth.values()), outside, HEAT).real,
+        setup=replace(ROOM, start_values={"euler": 1.0}),
+        input="To",
+        driven=(T, outside),
+        further={"Q": (T, HEAT)},
+        interpolation="held",
+        sigma=SIGMA,
+        unit="K",
+    )
+    parameters = [
+        replace(p, start=truth[p.name], bounds=(0.5 * truth[p.name], 2.0 * truth[p.name]))
+        for p in PARAMETERS
+    ]
+    problem = ff.Problem(room, parameters, record)
+    off = float(np.max(np.abs(problem.residuals(problem.start))))
+    [plan] = problem.planned.plans.values()
+    assert off < plan.promised
+    assert off * float(np.max(np.abs(record.y - np.mean(record.y)))) < 0.2 * SIGMA
+
+
 CAMPAIGN = """title = "Room"
 [fmu]
 file = "{fmu}"

@@ -43,9 +43,17 @@ def test_what_the_simulation_may_be_off_by_is_no_fault_of_the_model() -> None:
 @pytest.mark.parametrize("factor", [0.5, 3.0, 100.0])
 def test_noise_of_any_size_is_of_one_size(size: int, factor: float) -> None:
     draws = factor * np.random.default_rng(size).standard_normal((300, size))
-    assert all(of_one_size(draw) for draw in draws)
+    # once in a thousand by chance
+    assert np.mean([of_one_size(draw) for draw in draws]) > 0.98
     draws[:, : min(10, size // 50)] = 1e3  # as many as may be outliers
-    assert all(of_one_size(draw) for draw in draws)
+    assert np.mean([of_one_size(draw) for draw in draws]) > 0.98
+
+
+def test_a_quarter_that_is_off_makes_a_hundred_residuals_no_noise_of_one_size() -> None:
+    """Five times the size: seen in nearly all draws."""
+    draws = np.random.default_rng(7).standard_normal((300, 100))
+    draws[:, :25] *= 5.0
+    assert np.mean([of_one_size(draw) for draw in draws]) < 0.2
 
 
 @pytest.mark.parametrize(("size", "off"), [(40, 4), (100, 10), (234, 20), (1000, 150)])

@@ -135,6 +135,14 @@ class TraceRecord(TimeRecord):
         return float(np.max(np.abs(self.y - np.mean(self.y)))) or 1.0
 
     @property
+    def value_share(self) -> float:
+        """The largest value over the unit of its rows: of a temperature in kelvin, many times one.
+
+        Of an unknown offset the model knows nothing.
+        """
+        return 1.0 if self.offset else float(np.max(np.abs(self.y))) / self.largest
+
+    @property
     def solved_inside(self) -> int:
         """Number of unknowns that are solved for."""
         free = self.states if self.start == UNKNOWN else 0

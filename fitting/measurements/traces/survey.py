@@ -117,12 +117,13 @@ class Survey(Generic[T]):
         self._refuse_nonlinear(points[0], count)
         kept = self._that_run(points, count)
         left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
+        left /= trace.value_share  # steps are compared by the largest value, the budget by rows
         runs = partial(self._simulated, kept)
         steps = planned_steps(first, runs, left, trace.run_samples)
         steps = self._integrated(kept, self._looked_closely(kept, steps, left))
         if trace.has_unknown_start and self.model.any_steps and steps.per_sample == 1:
             steps = self._of_few_samples(kept, steps, left)
-        return plan.with_steps(steps)
+        return plan.with_steps(replace(steps, bound=trace.value_share * steps.bound))
 
     def reviewed(self, p: FloatArray) -> Plan:
         """The model's plan with what the steps of the trace leave at further parameters.
@@ -136,20 +137,22 @@ class Survey(Generic[T]):
         before = plan.step_plan(self.kind.key(self.trace))
         if before is None or plan.budget is None:
             return plan
-        left = max(0.0, plan.budget.left_beside(Decided.STEP))
+        share = self.trace.value_share
+        left = max(0.0, plan.budget.left_beside(Decided.STEP)) / share
         runs = partial(self._simulated, [p])
         coarsest = before.per_sample // 2 if before.extrapolated else before.per_sample
         started = replace(before, per_sample=coarsest)
         try:
             steps = planned_steps(started, runs, left, self.trace.run_samples)
             steps = self._looked_closely([p], steps, left)
+            steps = replace(steps, bound=share * steps.bound)
         except NoAnswer:
             raise
         except FmuFailure:  # it refuses shorter steps there
             return plan
         if steps.per_sample > before.per_sample:
             return plan.with_steps(replace(steps, runs=before.runs + steps.runs))
-        if not steps.stands_s and steps.bound <= max(before.bound, left):
+        if not steps.stands_s and steps.bound <= max(before.bound, share * left):
             return plan
         longest = max(before.stands_s, steps.stands_s)
         shifted = before.shifted or steps.shifted

@@ -112,6 +112,11 @@ class TimeRecord(Record):
         """How many samples its longest run has."""
         return int(self.y.size)
 
+    @property
+    def value_share(self) -> float:
+        """The largest value over the unit of its rows."""
+        return 1.0
+
     def look(self, fine: int, most: int = LOOKED) -> Look | None:
         """A closer look at its run under the input; None: nothing but its start moves it.
 
