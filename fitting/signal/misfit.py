@@ -151,12 +151,12 @@ def of_one_size(white: FloatArray) -> bool:
 
     Half of Gaussian residuals are within 0.674 of their root mean square. Where so many more are
     that it is hardly chance (P < UNLIKELY), a part of the data is off and the rest is not. As many
-    as may be outliers (`far_off`) are left out.
+    as may be outliers (`far_off`) are left out, two of each reading.
 
     Args:
         white: over their noise, shape (m,).
     """
-    sizes = np.sort(np.abs(white))[: white.size - min(MOST_OFF, int(FEW * white.size))]
+    sizes = np.sort(np.abs(white))[: white.size - 2 * _most_off(white.size)]
     half = MEDIAN_OF_NORMAL * math.sqrt(float(np.mean(sizes**2)))
     inside = int(np.count_nonzero(sizes < half))
     return bool(bdtrc(inside - 1, sizes.size, 0.5) >= UNLIKELY)
@@ -175,7 +175,7 @@ def far_off(white: FloatArray, slopes: FloatArray, readings: IntArray) -> tuple[
             reading, as are both parts of a complex value.
     """
     out: list[int] = []
-    most = min(MOST_OFF, max(1, int(FEW * white.size)))
+    most = _most_off(white.size)
     while True:
         left = _left_without(white, slopes, out)
         sizes = np.abs(left)
@@ -190,6 +190,11 @@ def far_off(white: FloatArray, slopes: FloatArray, readings: IntArray) -> tuple[
         rest = float(left @ left - left[out] @ left[out])
         if not tail(rest, freedom) < IMPROBABLE or rest <= NOTICED * freedom:
             return tuple(out)
+
+
+def _most_off(residuals: int) -> int:
+    """How many readings of so many residuals may be outliers."""
+    return min(MOST_OFF, max(1, int(FEW * residuals)))
 
 
 def _left_without(white: FloatArray, slopes: FloatArray, out: list[int]) -> FloatArray:

@@ -50,13 +50,13 @@ def test_noise_of_any_size_is_of_one_size(size: int, factor: float) -> None:
 
 
 def test_a_quarter_that_is_off_makes_a_hundred_residuals_no_noise_of_one_size() -> None:
-    """Five times the size: seen in nearly all draws."""
+    """Eight times the size: seen in nearly all draws, though the four largest may be outliers."""
     draws = np.random.default_rng(7).standard_normal((300, 100))
-    draws[:, :25] *= 5.0
-    assert np.mean([of_one_size(draw) for draw in draws]) < 0.2
+    draws[:, :25] *= 8.0
+    assert np.mean([of_one_size(draw) for draw in draws]) < 0.05
 
 
-@pytest.mark.parametrize(("size", "off"), [(40, 4), (100, 10), (234, 20), (1000, 150)])
+@pytest.mark.parametrize(("size", "off"), [(40, 5), (100, 10), (234, 20), (1000, 150)])
 def test_a_part_that_is_off_alone_is_no_noise(size: int, off: int) -> None:
     draws = np.random.default_rng(size).standard_normal((300, size))
     draws[:, :off] *= 100.0
