@@ -192,21 +192,6 @@ def answered_apart(
     return [*answered_apart(ask, xs[:half], failed), *answered_apart(ask, xs[half:], failed)]
 
 
-def _away(objective: Objective, x: FloatArray) -> Point:
-    """The point at a search vector at which the model fails: as far from the data as can be."""
-    rows = objective.data.sigma.size
-    return Point(
-        x=x.copy(),
-        parameters=to_model(objective.parameters, x),
-        residuals=np.full(rows, LARGEST),
-        chis=(),
-        scaled=(),
-        scale_bias=np.nan,
-        squares=LARGEST**2,
-        row_weights=np.zeros(rows),
-    )
-
-
 def evaluate_many(
     objective: Objective, xs: Sequence[FloatArray], *, whole: bool = False
 ) -> list[Point]:
@@ -362,12 +347,8 @@ class Evaluator:
         Raises:
             NoAnswer: the model does not answer any more.
         """
-        try:
-            return self.point(x)
-        except NoAnswer:
-            raise
-        except (FmuFailure, NoScale):
-            return _away(self.objective, x)
+        [point] = answered_apart(lambda xs: [self.point(xs[0])], [x], self._away)
+        return point
 
     def trials(self, xs: Sequence[FloatArray]) -> list[Point]:
         """Points at several search vectors; where the model fails every residual is LARGEST.
@@ -378,7 +359,21 @@ class Evaluator:
         Raises:
             NoAnswer: the model does not answer any more.
         """
-        return answered_apart(self.points, xs, lambda x, _: _away(self.objective, x))
+        return answered_apart(self.points, xs, self._away)
+
+    def _away(self, x: FloatArray, _: Exception) -> Point:
+        """The point where the model fails: as far from the data as can be."""
+        rows = self.objective.data.sigma.size
+        return Point(
+            x=x.copy(),
+            parameters=to_model(self.objective.parameters, x),
+            residuals=np.full(rows, LARGEST),
+            chis=(),
+            scaled=(),
+            scale_bias=np.nan,
+            squares=LARGEST**2,
+            row_weights=np.zeros(rows),
+        )
 
     def points(self, xs: Sequence[FloatArray], *, whole: bool = False) -> list[Point]:
         """Points at several search vectors, in one batch.

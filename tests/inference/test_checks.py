@@ -333,18 +333,15 @@ def test_levels_that_are_not_minimised_are_named(
     assert [*check_levels(replace(honest, fit=replace(honest.fit, path=())))] == []
 
 
+#: A search whose lowest minimum noise explains.
+SEARCH = SearchResult(
+    screened=64, screens=1, descents=2, explained=True, evaluations=99, fmu_runs=99
+)
+
+
 def test_points_at_which_the_model_fails_are_told_in_its_words(honest: Solved) -> None:
     assert [*check_refusals(honest)] == []
-    search = SearchResult(
-        screened=64,
-        screens=1,
-        descents=2,
-        explained=True,
-        evaluations=99,
-        fmu_runs=99,
-        refused=7,
-        refusal="no motion",
-    )
+    search = replace(SEARCH, refused=7, refusal="no motion")
     outcome = replace(honest.fit.outcome, search=search)
     outcomes = tuple(outcome if o is honest.fit.outcome else o for o in honest.fit.outcomes)
     [found] = check_refusals(replace(honest, fit=replace(honest.fit, outcomes=outcomes)))
@@ -361,15 +358,7 @@ def test_a_minimum_as_low_is_named_where_a_value_that_is_held_differs(honest: So
     for sigmas, count in ((10.0, 1), (2.0, 0)):
         places = [fit.outcome.x, fit.outcome.x + 0.01 * sigmas * axis]
         minima = tuple(Minimum(x=x, begun=x, chi_square=4.0, descents=1) for x in places)
-        search = SearchResult(
-            screened=64,
-            screens=1,
-            descents=2,
-            explained=True,
-            evaluations=0,
-            fmu_runs=0,
-        )
-        outcome = replace(fit.outcome, search=search, minima=minima)
+        outcome = replace(fit.outcome, search=SEARCH, minima=minima)
         outcomes = tuple(outcome if o is fit.outcome else o for o in fit.outcomes)
         solved = replace(honest, fit=replace(fit, outcomes=outcomes))
         assert [f.kind for f in check_minima(solved)] == [Kind.equal_objective] * count

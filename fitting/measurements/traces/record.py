@@ -140,7 +140,9 @@ class TraceRecord(TimeRecord):
 
         Of an unknown offset the model knows nothing.
         """
-        return 1.0 if self.offset else float(np.max(np.abs(self.y))) / self.largest
+        if self.offset:
+            return 1.0
+        return float(np.max(np.abs(self.y))) / self.largest or 1.0  # a record of zeros has no unit
 
     @property
     def solved_inside(self) -> int:
