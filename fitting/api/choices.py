@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from fitting.inference.budget import BUDGET, EVALUATIONS, usual_budget
 from fitting.text.choices import (
+    BUDGET,
     CRITERIA,
     ESTIMATORS,
+    EVALUATIONS,
     FORMATS,
     INTERACTIVE,
     MISFITS,
     PAPER,
     STYLES,
+    usual_budget,
 )
 
 __all__ = [

@@ -17,7 +17,7 @@ from fitting.campaign.parameters import to_search
 from fitting.engine.threads import one_thread
 from fitting.fit.objective import evaluate_many, stencil
 from fitting.inference.cost import Expected, Range, added, expected, times
-from fitting.inference.identification import own_profiled
+from fitting.inference.determine import own_profiled
 from fitting.text.errors import BadInput
 
 __all__ = ["Cost", "Expected", "Range", "added", "cost", "expected_of", "times"]

@@ -14,8 +14,8 @@ from fitting.api.problem import Problem
 from fitting.api.written import RESULT_FILES
 from fitting.engine.threads import one_thread
 from fitting.fit.likelihood import Spent
-from fitting.inference.identification import IdentificationOptions
-from fitting.inference.identification import identify as identify_through
+from fitting.inference.determine import IdentificationOptions
+from fitting.inference.determine import identify as identify_through
 from fitting.inference.likelihood.knowledge import Determined, Identification, PartAlone
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
-from fitting.inference.budget import Stage
 
 #: Least and most: a count of evaluations, runs, seconds.
 Range = tuple[float, float]
@@ -37,6 +37,15 @@ OVERDUE = 0.25
 REFIT: Range = (0.4, 4.0)
 #: Runs in which the range of a derived output over the box is looked for.
 OUTPUT_RANGE: Range = (200.0, 4500.0)
+
+
+class Stage(StrEnum):
+    """What an inference is looking for."""
+
+    MINIMA = "other minima"
+    SCANS = "scans"
+    DIRECTIONS = "what has no effect"
+    REFITS = "refits of the bootstrap"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,9 +1,12 @@
-"""From a `Fit` to an `Inference`: every value with its interval and verdict, decided once."""
+"""From a `Fit` to an `Inference`: every value with its interval and verdict, decided once.
+
+`CHECKS` lists the checks of a fit: each reads one record and yields findings.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -17,31 +20,62 @@ from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
 from fitting.fit.optimum import active_bounds_at, most_likely
 from fitting.fit.options import ALGORITHM2
-from fitting.inference.adequacy import adequacy_of, ending_of, unseen
-from fitting.inference.checks.mistakes import without_outliers
-from fitting.inference.closer_form import closer_form
+from fitting.inference.adequacy import adequacy_of, closer_form, ending_of, unseen
+from fitting.inference.agreement import (
+    consistency,
+    contradicted,
+    contradictions,
+    pair_findings,
+    without_values,
+)
+from fitting.inference.checks.assumptions import check_assumed_values, check_assumptions
+from fitting.inference.checks.mistakes import (
+    causes_of,
+    check_exchanged_peaks,
+    check_peaks,
+    check_phases,
+    without_outliers,
+)
+from fitting.inference.checks.solutions import (
+    Solved,
+    check_agreement,
+    check_alternatives,
+    check_bounds,
+    check_combinations,
+    check_correlation,
+    check_drift,
+    check_estimator,
+    check_frequencies,
+    check_frequency_bounds,
+    check_levels,
+    check_lines,
+    check_minima,
+    check_profiles,
+    check_refusals,
+    check_residuals,
+    check_scale,
+    check_simulation,
+    check_unknown_lines,
+    check_weak_peaks,
+)
 from fitting.inference.determine import InferenceOptions, Limits, determine, shared_values
-from fitting.inference.equivalent_fits import equal_fit, equivalent_findings
 from fitting.inference.estimates import (
     Estimates,
     derived_results,
     offset_results,
     outputs_of,
     parameter_results,
+    quadratures_of,
     with_profiles,
 )
-from fitting.inference.findings import findings_of, in_order
-from fitting.inference.joint import consistency, contradicted, contradictions, without_values
+from fitting.inference.likelihood.identifiability import choose_nu
 from fitting.inference.likelihood.knowledge import Adequacy, Determined, Inferred, Quadratures
-from fitting.inference.likelihood.nu_choice import choose_nu
-from fitting.inference.quadratures import quadratures_of
-from fitting.inference.solved import Solved
-from fitting.inference.sweep_line import values_of_line
-from fitting.inference.sweeps import SweepFindings, sweep_findings
+from fitting.inference.statuses import equal_fit, equivalent_findings
+from fitting.inference.sweeps import SweepFindings, sweep_findings, values_of_line
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure
 from fitting.text.estimate import FittedEstimate
-from fitting.text.finding import Finding, Kind
+from fitting.text.finding import SEVERITIES, Finding, Kind
 from fitting.text.rendering import phrase
 
 
@@ -348,3 +382,70 @@ def _assemble(
         profiles=() if determined is None else determined.findings,
     )
     return replace(inference, findings=in_order(*findings_of(solved), *read.missing))
+
+
+# --- the checks of a fit --------------------------------------------------------------------------
+
+Check = Callable[[Solved], Iterator[Finding]]
+
+
+def check_causes(solved: Solved) -> Iterator[Finding]:
+    """What one mistake of the measurement would explain; other checks read it, too."""
+    yield from solved.causes
+
+
+def check_campaigns(solved: Solved) -> Iterator[Finding]:
+    """Notes on how campaigns were joined, and campaigns that do not agree."""
+    yield from solved.problem.notes if solved.problem.is_joint else ()
+    searched = solved.is_best or solved.fit.outcome.search is not None
+    yield from pair_findings(solved.joint, searched=searched)
+
+
+#: All checks, in the order in which findings of one severity are printed.
+CHECKS: tuple[Check, ...] = (
+    check_residuals,
+    check_causes,
+    check_weak_peaks,
+    check_scale,
+    check_frequency_bounds,
+    check_frequencies,
+    check_bounds,
+    check_correlation,
+    check_minima,
+    check_refusals,
+    check_drift,
+    check_peaks,
+    check_exchanged_peaks,
+    check_phases,
+    check_unknown_lines,
+    check_lines,
+    check_agreement,
+    check_campaigns,
+    check_alternatives,
+    check_assumed_values,
+    check_combinations,
+    check_assumptions,
+    check_profiles,
+    check_estimator,
+    check_levels,
+    check_simulation,
+)
+
+
+def findings_of(solved: Solved) -> tuple[Finding, ...]:
+    """Findings of all checks, errors first.
+
+    Args:
+        solved: a fit and what its checks examine.
+    """
+    solved = replace(solved, causes=causes_of(solved))
+    return in_order(*(finding for check in CHECKS for finding in check(solved)))
+
+
+def in_order(*findings: Finding) -> tuple[Finding, ...]:
+    """The findings, errors first, then warnings.
+
+    Args:
+        findings: in any order.
+    """
+    return tuple(sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity)))

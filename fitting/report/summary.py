@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from fitting.campaign.laws import in_base
-from fitting.inference.budget import BUDGET
 from fitting.inference.checks.assumptions import SHIFT
-from fitting.inference.sweep_line import SweepLine, depends_on_background
+from fitting.inference.sweeps import SweepLine, depends_on_background
 from fitting.report.same_values import same_values
 from fitting.report.screen import Printed, phrase, phrases, printed_lines
 from fitting.result.result import Result
+from fitting.text.choices import BUDGET
 from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import quantity, sign

@@ -13,8 +13,7 @@ from fitting.fit.objective import Point
 from fitting.fit.outputs import mean
 from fitting.fit.problem import Problem
 from fitting.fit.solution import Solution
-from fitting.inference.findings import in_order
-from fitting.inference.infer import Inference
+from fitting.inference.infer import Inference, in_order
 from fitting.inference.likelihood.knowledge import Inferred
 from fitting.measurements.sweep import Sweep
 from fitting.result.result import (

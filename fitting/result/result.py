@@ -14,7 +14,7 @@ from typing import Protocol
 from fitting.fit.alternative import AlternativeResult
 from fitting.fit.path import HistoryRow
 from fitting.inference.likelihood.knowledge import ExternalTest, Inferred
-from fitting.inference.sweep_line import SweepLine
+from fitting.inference.sweeps import SweepLine
 from fitting.result.schema import SCHEMA, upgraded
 from fitting.simulate.budget import PlanRecord
 from fitting.text.arrays import Scalar

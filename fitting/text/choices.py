@@ -18,3 +18,16 @@ STYLES = ("report", PAPER, INTERACTIVE)
 FORMATS = ("svg", "png", "pdf")
 #: By which an FMU can be run, in the words of FMI; the first of them where it offers both.
 INTERFACES = ("co-simulation", "model-exchange")
+#: Simulation runs of an inference at most; runs that points of a batch share count once.
+BUDGET = 500_000
+#: Evaluations that a budget lasts for at least, where each takes many runs.
+EVALUATIONS = 3_000
+
+
+def usual_budget(runs_each: float) -> int:
+    """Simulation runs that an inference may take, at most about, where nobody gives a number.
+
+    Args:
+        runs_each: of an evaluation.
+    """
+    return max(BUDGET, round(EVALUATIONS * runs_each))

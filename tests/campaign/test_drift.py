@@ -22,7 +22,7 @@ from fitting.fit.objective import Evaluator, Objective, weights
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers, read_description
-from fitting.inference.checks.sweeps import drift_findings
+from fitting.inference.checks.solutions import drift_findings
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files

@@ -16,7 +16,7 @@ from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.optimum import Optimum, most_likely
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.likelihood.bootstrap import bootstrap
+from fitting.inference.likelihood.identifiability import bootstrap
 from fitting.inference.likelihood.knowledge import Determined, Identification
 from fitting.text.estimate import Verdict
 from fitting.text.records import read_json

@@ -21,7 +21,7 @@ from fitting.api.fitted import Progress, Spent
 from fitting.cli.main import main
 from fitting.cli.running.progress import hidden, status_line
 from fitting.cli.running.remaining import Remaining
-from fitting.inference.budget import Stage
+from fitting.inference.cost import Stage
 from tests.support.small_campaign import of_pairs, small_campaign
 
 ROOT = Path(__file__).parents[2]

@@ -23,8 +23,8 @@ from fitting.fit.options import Schedule, options_of
 from fitting.fit.problem import Problem, problem_of
 from fitting.fit.solution import solution_of
 from fitting.fmu import FmuWorkers, read_description
+from fitting.inference.agreement import consistency
 from fitting.inference.estimates import outputs_of
-from fitting.inference.joint import consistency
 from fitting.inference.likelihood.knowledge import JointResult
 from fitting.lab.bench import measure
 from fitting.lab.benches import string_bench

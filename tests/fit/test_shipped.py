@@ -18,7 +18,7 @@ from fitting.cli.main import main
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu import FmuWorkers
-from fitting.inference.sweep_line import line_of_sweep
+from fitting.inference.sweeps import line_of_sweep
 from fitting.lab.bench import Bench, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files

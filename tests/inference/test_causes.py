@@ -23,7 +23,7 @@ import pytest
 from scipy.constants import Boltzmann
 from scipy.optimize import least_squares
 
-from fitting.inference.checks import curve_mistakes
+from fitting.inference.checks import mistakes
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.report.summary import summary_of
 from fitting.result.result import Result, read_result
@@ -487,9 +487,9 @@ def test_a_cause_has_to_leave_what_noise_explains(
     rows = size * rng.standard_normal(U.size) + structure * LINE / TOP / sigma
     curve = ResidualCurve(rows=np.arange(U.size), share=np.ones(U.size), axis=U)
     place: Any = SimpleNamespace(rows=curve.rows, curve=curve)
-    search: Any = curve_mistakes.Search.__new__(curve_mistakes.Search)
+    search: Any = mistakes.Search.__new__(mistakes.Search)
     search.curves, search.sigma, search.known = [place], sigma, sigma > 0.0
-    trial = curve_mistakes.Trial(Kind.shift, (place,), np.zeros(1), np.zeros(2))
+    trial = mistakes.Trial(Kind.shift, (place,), np.zeros(1), np.zeros(2))
     left = replace(trial, rows=rows, slopes=np.zeros((U.size, 1)))
-    monkeypatch.setattr(curve_mistakes.Search, "sized", lambda *_: left)
+    monkeypatch.setattr(mistakes.Search, "sized", lambda *_: left)
     assert search.leaves_noise(trial) is explained

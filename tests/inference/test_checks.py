@@ -18,25 +18,23 @@ from fitting.fit.fit import Status
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.path import HistoryRow
 from fitting.fit.search import Minimum, SearchResult
+from fitting.inference.agreement import SweepAgreement
 from fitting.inference.checks.mistakes import check_exchanged_peaks, check_peaks, single_rows
 from fitting.inference.checks.solutions import (
+    Solved,
+    check_agreement,
     check_bounds,
     check_correlation,
+    check_drift,
     check_levels,
     check_minima,
     check_refusals,
     check_residuals,
-)
-from fitting.inference.checks.sweeps import (
-    check_agreement,
-    check_drift,
     check_simulation,
     check_weak_peaks,
 )
-from fitting.inference.findings import CHECKS, findings_of
+from fitting.inference.infer import CHECKS, findings_of
 from fitting.inference.likelihood.knowledge import Adequacy
-from fitting.inference.solved import Solved
-from fitting.inference.sweep_agreement import SweepAgreement
 from fitting.measurements.tones import Tones
 from fitting.text.estimate import OffsetEstimate
 from fitting.text.finding import Kind

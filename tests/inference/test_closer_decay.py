@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.inference.closer_form import Model, compared_decay
-from fitting.inference.line_fits import DecayingLines
+from fitting.inference.adequacy import Model, compared_decay
+from fitting.inference.sweeps import DecayingLines
 from fitting.measurements.traces.record import TraceRecord
 from fitting.text.rendering import phrase
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from fitting.inference.closer_form import (
+from fitting.inference.adequacy import (
     Fitted,
     Model,
     compared,
     compared_complex,
     compared_pair,
 )
-from fitting.inference.line_fits import LineFits
+from fitting.inference.sweeps import LineFits
 from fitting.result.result import read_result
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.rendering import phrase

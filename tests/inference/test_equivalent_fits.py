@@ -13,8 +13,8 @@ from fitting.fit.alternative import Outcome, best_alternative, chi_squares, is_c
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.equivalent_fits import contradicts
 from fitting.inference.likelihood.knowledge import Equivalent
+from fitting.inference.statuses import contradicts
 from fitting.text.estimate import Verdict
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form

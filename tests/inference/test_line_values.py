@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 import fitting as ff
-from fitting.inference.line_fits import LineFits
-from fitting.inference.sweep_line import values_of_line
+from fitting.inference.sweeps import LineFits, values_of_line
 from fitting.text.estimate import FittedEstimate
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.judge import by_closed_form

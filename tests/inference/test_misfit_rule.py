@@ -11,8 +11,8 @@ import pytest
 
 from fitting.campaign import Experiment
 from fitting.fit.fit import Fit, Status, with_path
+from fitting.inference.agreement import contradicted, pair_findings
 from fitting.inference.infer import Inference
-from fitting.inference.joint import contradicted, pair_findings
 from fitting.inference.likelihood.knowledge import JointResult, PairTest, SeriesPart, ValueAlone
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.noise.record import NoiseRecord

@@ -19,11 +19,9 @@ import fitting as ff
 from fitting.campaign import SweepData
 from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Status
-from fitting.inference.checks.sweeps import bounds_off_line, check_frequencies
+from fitting.inference.checks.solutions import Solved, bounds_off_line, check_frequencies
 from fitting.inference.infer import Inference, InferenceRequest, infer
-from fitting.inference.solved import Solved
-from fitting.inference.sweep_line import line_of_sweep
-from fitting.inference.sweeps import SweepFindings
+from fitting.inference.sweeps import SweepFindings, line_of_sweep
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.sentences import sentence

@@ -12,8 +12,8 @@ from fitting.fit.likelihood import likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective
 from fitting.fit.path import PATH, PathLevel
+from fitting.inference.likelihood.identifiability import choose_nu, corner_of, curvatures
 from fitting.inference.likelihood.knowledge import NuRow
-from fitting.inference.likelihood.nu_choice import choose_nu, corner_of, curvatures
 from fitting.report.screen import phrases
 from tests.support import single_line
 

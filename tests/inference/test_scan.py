@@ -17,7 +17,7 @@ from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Determined
-from fitting.inference.likelihood.ranges import output_ranges
+from fitting.inference.likelihood.profile import output_ranges
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoScale
 from fitting.text.estimate import Verdict

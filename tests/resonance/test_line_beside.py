@@ -14,7 +14,7 @@ import pytest
 
 import fitting as ff
 from fitting.campaign import SweepData
-from fitting.inference.sweep_line import line_of_sweep
+from fitting.inference.sweeps import line_of_sweep
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from tests.support.in_process import told

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2, kstest
 
 from fitting.campaign import SweepData
-from fitting.inference.sweep_line import SweepLine, line_findings, line_of_sweep
+from fitting.inference.sweeps import SweepLine, line_findings, line_of_sweep
 from fitting.lines.form import LineFit, fit_resonance
 from fitting.lines.record import TriedForm, no_line
 from fitting.report.screen import phrases

@@ -12,7 +12,7 @@ from fitting.campaign import Drive, Setup, Spectrum
 from fitting.fit.alternative import AlternativeResult, StartResult
 from fitting.fit.fit import Status
 from fitting.fit.path import HistoryRow
-from fitting.inference.sweep_line import SweepLine
+from fitting.inference.sweeps import SweepLine
 from fitting.lines.form import fit_resonance
 from fitting.lines.record import line_numbers, number_of_line
 from fitting.measurements.figure import Figure

@@ -38,8 +38,8 @@ from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.optimum import most_likely
 from fitting.fit.outputs import output_means
 from fitting.fit.solution import Solution
-from fitting.inference.equivalent_fits import nearest_image
-from fitting.inference.solved import Solved
+from fitting.inference.checks.solutions import Solved
+from fitting.inference.statuses import nearest_image
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput, FmuFailure, OutOfBudget

@@ -2,27 +2,62 @@
 
 A direction has a finite change: the model was evaluated there, at the very numbers that are
 printed, and the largest move of any row is given.
+
+nu as the data would choose it is listed next to the given schedule, by two criteria. Corner of the
+L-curve: the nu at which the curve (ln J_fit, ln |x|) bends most, between where the prior costs
+misfit and where it costs nothing. Discrepancy principle: the largest nu whose chi square is no more
+than noise explains, that of all m data at the true parameters: nothing is taken off for the fitted
+ones. Where a criterion chooses nothing it is NaN.
+
+The parametric bootstrap draws data anew at the most likely point and fits them anew:
+
+    r_b(x) = r(x) - r(x^) - e,   e ~ N(0, V)      prior centres: x^_j + tau_j n
+
+Row space holds every campaign alike, joint ones too. All refits go side by side, so that each round
+is one large batch for the worker processes; or in parts through any executor that is handed in.
+
+Sources: P. Hansen and D. O'Leary, SIAM J. Sci. Comput. 14 (1993) 1487; V. Morozov (1966);
+B. Efron and R. Tibshirani, An Introduction to the Bootstrap (1993), sections 6.5 and 13.3.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
 
 from fitting.campaign.parameters import canonical, search_bounds, to_model, to_search
 from fitting.fit.levenberg import Expansion, Goal, minimise
-from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request
+from fitting.fit.likelihood import (
+    Exhausted,
+    Likelihood,
+    LikelihoodEvaluator,
+    Request,
+    Sample,
+    Spent,
+)
 from fitting.fit.optimum import Optimum
+from fitting.fit.path import HistoryRow, PathLevel
 from fitting.fit.search import SAME as SAME_MINIMUM
 from fitting.fit.search import Box
 from fitting.fit.twins import Twin
-from fitting.inference.likelihood.knowledge import STOPPED, Direction, Equivalent, Profile
+from fitting.inference.cost import Stage
+from fitting.inference.likelihood.knowledge import (
+    STOPPED,
+    Bootstrap,
+    Direction,
+    Equivalent,
+    NuChoice,
+    NuRow,
+    Profile,
+)
 from fitting.inference.likelihood.profile import ScanPoint, Scans, Side
+from fitting.signal.chi_square import largest
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import FittedEstimate, Verdict
+from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, note
 
 #: A direction counts as unseen where half a box along it moves the rows by less than one sigma.
@@ -279,3 +314,187 @@ def scan_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
         ]
         if stopped:
             yield note(Kind.profiles_incomplete, why, {"values": tuple(stopped)})
+
+
+# --- nu as the data would choose it ---------------------------------------------------------------
+
+#: Probability with which noise alone stays below the allowed chi square.
+ALLOWED_P = 0.95
+#: Length in logarithms that the L-curve must go along both axes before a corner means anything.
+SHORT = 0.05
+
+
+def choose_nu(
+    likelihood: Likelihood,
+    steps: Sequence[PathLevel],
+    history: Sequence[HistoryRow],
+    *,
+    describes: bool = True,
+) -> NuChoice:
+    """Corner and discrepancy over the levels of Algorithm 2.
+
+    Args:
+        likelihood: of the stated noise, without inflation.
+        steps: levels of Algorithm 2, at least one.
+        history: their rows (and others), for parameters and outputs.
+        describes: whether the model describes the data: else no misfit is within the noise.
+
+    Raises:
+        FmuFailure: the model failed at one of the levels.
+    """
+    evaluator = LikelihoodEvaluator(likelihood)
+    xs = [np.array(step.x) for step in steps]
+    [samples] = evaluator([Request(tuple(xs), outputs=False)])
+    m, own = likelihood.data_rows, likelihood.inverse_prior_sigma == 0.0
+    distances = [float(np.linalg.norm(x[own])) for x in xs]
+    bends = curvatures([step.j_fit for step in steps], distances)
+    rows_at, rows = {row.level: row for row in history}, []
+    for step, distance, sample, bend in zip(steps, distances, samples, bends, strict=True):
+        there = rows_at.get(step.level)
+        rows.append(
+            NuRow(
+                nu=step.nu,
+                j_fit=step.j_fit,
+                distance=distance,
+                chi_square=float(np.sum(sample.rows[:m] ** 2)),
+                curvature=bend,
+                parameters={} if there is None else dict(there.parameters),
+                derived={} if there is None else dict(there.derived),
+            )
+        )
+    allowed = largest(ALLOWED_P, m, likelihood.objective.data.noise_freedom)
+    within = [row.nu for row in rows if row.chi_square <= allowed] if describes else []
+    return NuChoice(
+        rows=tuple(rows),
+        corner=corner_of(rows),
+        discrepancy=max(within, default=math.nan),
+        allowed=allowed,
+        last=rows[-1].nu,
+        prior={p.name: p.reference for p in likelihood.parameters},
+        widths={p.name: p.upper - p.lower for p in likelihood.parameters},
+        describes=describes,
+    )
+
+
+def curvatures(misfit: Sequence[float], distance: Sequence[float]) -> list[float]:
+    """Signed curvature of the curve (ln misfit, ln distance) at its inner points, NaN at its ends.
+
+    That of the circle through a point and its neighbours (Menger); positive where the curve, passed
+    from large to small nu, turns from falling misfit to growing distance: the corner of an L.
+
+    Args:
+        misfit: J_fit of each level.
+        distance: from the prior of each level, in units of x.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        curve = np.log(np.column_stack([misfit, distance]))
+    bends = [math.nan] * len(curve)
+    for i in range(1, len(curve) - 1):
+        if not np.all(np.isfinite(curve[i - 1 : i + 2])):
+            continue
+        a, b = curve[i] - curve[i - 1], curve[i + 1] - curve[i]
+        chord = curve[i + 1] - curve[i - 1]
+        size = float(np.linalg.norm(a) * np.linalg.norm(b) * np.linalg.norm(chord))
+        turn = float(b[0] * a[1] - b[1] * a[0])  # clockwise is positive
+        bends[i] = 2.0 * turn / size if size > 0.0 and math.isfinite(size) else math.nan
+    return bends
+
+
+def corner_of(rows: Sequence[NuRow]) -> float:
+    """nu of the sharpest corner; NaN where the curve is too short along an axis to have one.
+
+    Args:
+        rows: one per level, nu falling.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        curve = np.log([[row.j_fit, row.distance] for row in rows])
+    whole = curve[np.all(np.isfinite(curve), axis=1)]
+    if len(whole) < 3 or np.min(np.ptp(whole, axis=0)) < SHORT:
+        return math.nan
+    bent = [row for row in rows if row.curvature > 0.0]
+    return max(bent, key=lambda row: row.curvature).nu if bent else math.nan
+
+
+# --- parametric bootstrap -------------------------------------------------------------------------
+
+#: Refits handed to an executor at a time.
+CHUNK = 25
+
+
+def bootstrap(
+    optimum: Optimum,
+    known: Mapping[str, FittedEstimate],
+    samples: int,
+    seed: int,
+    executor: Executor | None = None,
+    progress: Callable[[Spent], None] = lambda spent: None,
+) -> Bootstrap:
+    """Percentile intervals of refits, for every value that has one by its verdict.
+
+    Where they do not, a refit stays where it began, and its scatter would be a lie.
+
+    Args:
+        optimum: the most likely point and its likelihood, inflation included.
+        known: values by name, for verdicts and where periods are counted from.
+        samples: number of synthetic data sets.
+        seed: of their noise; the same with and without an executor.
+        executor: where the refits run, in parts; the response must then be picklable. Without one
+            they run here, in the response's own batches.
+        progress: is told before every batch what the refits took so far, without an executor.
+
+    Raises:
+        FmuFailure: the model failed at more points than can be left out.
+    """
+    likelihood, expansion = optimum.likelihood, optimum.expansion
+    generator = np.random.default_rng(seed)
+    noise = generator.standard_normal((samples, expansion.sample.rows.size))
+    noise[:, likelihood.data_rows :] *= likelihood.inverse_prior_sigma > 0.0
+    if executor is None:
+        refits = _refits(likelihood, expansion, noise, progress)
+    else:
+        parts = [noise[k : k + CHUNK] for k in range(0, samples, CHUNK)]
+        pending = [executor.submit(_refits, likelihood, expansion, part) for part in parts]
+        refits = [refit for future in pending for refit in future.result()]
+    done = [refit for refit in refits if refit is not None]
+    parameters, columns = likelihood.parameters, dict[str, FloatArray]()
+    if len(done) > 1:
+        # periods are counted from where the value is reported
+        table = to_model(parameters, np.array([x for x, _ in done]))
+        off = table - to_model(parameters, expansion.x)
+        outputs = np.array([each for _, each in done])
+        for i, p in enumerate(parameters):
+            if p.name in known:
+                columns[p.name] = known[p.name].likely + off[:, i]
+        columns |= {name: outputs[:, k] for k, name in enumerate(likelihood.names) if name in known}
+    values = {}
+    for name, column in columns.items():
+        if known[name].status.has_value and np.all(np.isfinite(column)):
+            low, middle, high = np.percentile(column, [2.5, 50.0, 97.5])
+            values[name] = Estimate(
+                name=name,
+                value=float(middle),
+                unit=known[name].unit,
+                std=float(np.std(column, ddof=1)),
+                ci95=(float(low), float(high)),
+                status=known[name].status,
+                method="bootstrap",
+            )
+    return Bootstrap(samples=samples, failed=samples - len(done), seed=seed, values=values)
+
+
+def _refits(
+    likelihood: Likelihood,
+    expansion: Expansion,
+    noise: FloatArray,
+    progress: Callable[[Spent], None] = lambda spent: None,
+) -> list[tuple[FloatArray, FloatArray] | None]:
+    """(x, outputs) of a refit per row of whitened noise; None where none was reached."""
+    evaluator = LikelihoodEvaluator(likelihood, progress=progress)
+    evaluator.begin(Stage.REFITS)
+    offsets = expansion.sample.rows + noise
+    here, slopes = expansion.sample, (expansion.matrix, expansion.outward)
+    begins = [Expansion(Sample(here.x, here.rows - o, here.outputs), *slopes) for o in offsets]
+    ends = minimise(evaluator, begins, offsets=list(offsets))
+    reached = tuple(end.end.x for end in ends if end.reached)
+    outputs = iter(evaluator([Request(reached, rows=False)])[0] if reached else ())
+    return [(end.end.x, next(outputs).outputs) if end.reached else None for end in ends]

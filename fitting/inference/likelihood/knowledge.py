@@ -72,7 +72,7 @@ class Adequacy:
     numbers of single rows far beyond the rest, without which the noise explains it.
     `converged` is False where the fit has not converged: then there are no values, either.
     `rival` are lines of another form by which the noise was estimated and the model refused
-    (`fitting.inference.closer_form`); None where there are none.
+    (`fitting.inference.adequacy`); None where there are none.
     `scale_off` is the factor by which the scale that peaks take from a sweep may be off, where its
     top is so wrong that no value is trusted (`fitting.inference.sweeps`); else NaN. `no_line`:
     nothing exceeds the noise of the curves of some `series` (`fitting.inference.adequacy`).

@@ -40,6 +40,7 @@ from fitting.fit.likelihood import Exhausted, LikelihoodEvaluator, Request, Samp
 from fitting.fit.optimum import Optimum, active_bounds_at
 from fitting.fit.twins import Twin
 from fitting.inference.likelihood.profile import (
+    OutputRange,
     Quantity,
     ScanPoint,
     Scans,
@@ -47,7 +48,6 @@ from fitting.inference.likelihood.profile import (
     data_covariance,
     quantities,
 )
-from fitting.inference.likelihood.ranges import OutputRange
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.error_bars import ROOT_95

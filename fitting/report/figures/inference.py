@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from fitting.inference.checks.sweeps import WORTH_SAYING
+from fitting.inference.checks.solutions import WORTH_SAYING
 from fitting.inference.likelihood.knowledge import NuChoice, Scan, Values
 from fitting.measurements.figure import Figure as Described
 from fitting.report.figures.style import (
