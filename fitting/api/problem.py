@@ -21,9 +21,8 @@ from fitting.campaign.parameters import bounds, names, scales, starts, to_model,
 from fitting.fit.density import Density
 from fitting.fit.objective import Objective, evaluate_many, jacobian_of, make_objective, stencil
 from fitting.fit.options import Options, options_of
-from fitting.fit.planned_fmu import PlannedFmu, plan_problem
+from fitting.fit.problem import PlannedFmu, plan_problem, problem_of
 from fitting.fit.problem import Problem as Record
-from fitting.fit.problem import problem_of
 from fitting.fmu.isolation import Isolate
 from fitting.fmu.models import provide_fmu
 from fitting.measurements.complex.sweep import ComplexSweep

@@ -17,7 +17,7 @@ from fitting.campaign.parameters import (
 )
 from fitting.engine.threads import one_thread
 from fitting.fit.covariance import RowCovariance
-from fitting.fit.differences import Stencil, central
+from fitting.fit.fit import curve_structure
 from fitting.fit.linearisation import (
     SMALLEST_SIGMA,
     Linearisation,
@@ -29,13 +29,14 @@ from fitting.fit.noise import fitted_noise
 from fitting.fit.objective import (
     Objective,
     Point,
+    Stencil,
     answered_apart,
+    central,
     evaluate_many,
     make_objective,
 )
 from fitting.fit.outputs import mean, output_means
 from fitting.fit.problem import problem_of
-from fitting.fit.solution import curve_structure
 from fitting.inference.likelihood.knowledge import Inferred, Values
 from fitting.result.result import Result, read_result
 from fitting.result.same_data import require_same_data

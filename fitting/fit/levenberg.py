@@ -25,8 +25,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from fitting.fit.differences import forward
 from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request, Sample
+from fitting.fit.objective import forward
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import UNIFORM_WIDTH
-from fitting.fit.differences import forward
 from fitting.fit.levenberg import (
     LEAST_DAMPING,
     PROMISE,
@@ -22,6 +21,7 @@ from fitting.fit.levenberg import (
 )
 from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request
 from fitting.fit.linearisation import SMALLEST_SIGMA, Linearisation
+from fitting.fit.objective import forward
 from fitting.signal.chi_square import tail
 from fitting.signal.student import normal_square
 from fitting.text.arrays import FloatArray

@@ -50,9 +50,8 @@ import numpy as np
 from scipy.special import gammaincc
 
 from fitting.fit.covariance import RowCovariance
-from fitting.fit.fit import Status
+from fitting.fit.fit import Solution, Status
 from fitting.fit.optimum import Optimum
-from fitting.fit.solution import Solution
 from fitting.inference.likelihood.knowledge import Adequacy, Ending, Rival
 from fitting.inference.likelihood.profile import data_covariance
 from fitting.inference.sweeps import MOST_SAMPLES, TRIED, DecayingLines, LineFits

@@ -38,12 +38,11 @@ import numpy as np
 from fitting.campaign.joint import is_shared
 from fitting.campaign.parameters import drift_square, inverse_priors, prior_sigmas, search_bounds
 from fitting.fit.covariance import RowCovariance
-from fitting.fit.differences import forward
+from fitting.fit.fit import Solution
 from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined
 from fitting.fit.noise import noise_of
-from fitting.fit.objective import evaluate_many
+from fitting.fit.objective import evaluate_many, forward
 from fitting.fit.problem import Problem
-from fitting.fit.solution import Solution
 from fitting.inference.estimates import Outputs
 from fitting.inference.likelihood.knowledge import (
     CONTRADICT,

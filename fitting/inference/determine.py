@@ -27,7 +27,7 @@ from fitting.campaign.parameters import (
     to_model,
     to_search,
 )
-from fitting.fit.fit import Status
+from fitting.fit.fit import Status, curve_structure
 from fitting.fit.levenberg import Goal, expand, minimise
 from fitting.fit.likelihood import (
     Exhausted,
@@ -43,7 +43,6 @@ from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.search import search_box
-from fitting.fit.solution import curve_structure
 from fitting.fit.twins import Twin, find_twins, sampling_twins, twins_but_for_priors
 from fitting.inference.adequacy import adequacy_of, ending_of, is_redundant
 from fitting.inference.checks.solutions import residual_findings

@@ -20,11 +20,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from fitting.campaign.parameters import canonical, prior_sigmas, search_bounds, to_model
-from fitting.fit.differences import Stencil, central
+from fitting.fit.fit import Solution
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
+from fitting.fit.objective import Stencil, central
 from fitting.fit.outputs import mean
-from fitting.fit.solution import Solution
 from fitting.inference.likelihood.knowledge import PhaseGain, Quadratures
 from fitting.inference.likelihood.profile import output_ranges
 from fitting.measurements.dataset import places_of_outputs

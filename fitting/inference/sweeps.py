@@ -16,10 +16,10 @@ import numpy as np
 from fitting.campaign import SweepData
 from fitting.campaign.instruments import own_estimates
 from fitting.campaign.parameters import to_search
+from fitting.fit.fit import Solution
 from fitting.fit.objective import evaluate_many
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
-from fitting.fit.solution import Solution
 from fitting.inference.agreement import SweepAgreement, explained_by_model, sweep_agreement
 from fitting.lines.choice import chance
 from fitting.lines.decay_model import Decays, fit_decays

@@ -8,11 +8,10 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from fitting.fit.fit import Fit
+from fitting.fit.fit import Fit, Solution
 from fitting.fit.objective import Point
 from fitting.fit.outputs import mean
 from fitting.fit.problem import Problem
-from fitting.fit.solution import Solution
 from fitting.inference.infer import Inference, in_order
 from fitting.inference.likelihood.knowledge import Inferred
 from fitting.measurements.sweep import Sweep

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from fitting.campaign.parameters import canonical
 from fitting.fit.fit import Fit
-from fitting.fit.planned_fmu import PlannedFmu
+from fitting.fit.problem import PlannedFmu
 from fitting.fmu import FmuDescription, FmuWorkers
 from fitting.fmu.pool import DROPPED
 from fitting.inference.infer import Inference

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fitting.fit.differences import central, forward
+from fitting.fit.objective import central, forward
 from fitting.text.arrays import FloatArray
 
 X = np.array([0.3, -0.7, 2.0])

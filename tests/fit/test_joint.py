@@ -18,10 +18,10 @@ import pytest
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.joint import series_names
 from fitting.fit.alternative import search_alternative
+from fitting.fit.fit import solution_of
 from fitting.fit.objective import Evaluator, Objective, evaluate_many
 from fitting.fit.options import Schedule, options_of
 from fitting.fit.problem import Problem, problem_of
-from fitting.fit.solution import solution_of
 from fitting.fmu import FmuWorkers, read_description
 from fitting.inference.agreement import consistency
 from fitting.inference.estimates import outputs_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fitting.campaign import Drive, Experiment, Setup
-from fitting.fit.planned_fmu import refuse_other_drives
+from fitting.fit.problem import refuse_other_drives
 from fitting.measurements.planning import Series
 from fitting.measurements.tones import Tones
 from fitting.text.arrays import FloatArray, Scalar

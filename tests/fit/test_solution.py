@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fitting.fit.fit import solution_of
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Objective, evaluate_many, weights
-from fitting.fit.solution import solution_of
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, Prediction
 from fitting.signal.scale import Maximum

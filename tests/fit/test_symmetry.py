@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from fitting.fit.fit import secants
 from fitting.fit.objective import Evaluator
-from fitting.fit.solution import secants
 from fitting.text.arrays import FloatArray
 from tests.support.rows import rows_evaluator
 

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import fitting as ff
 from fitting.campaign.parameters import Parameter
-from fitting.fit.planned_fmu import plan_problem
+from fitting.fit.problem import plan_problem
 from fitting.fmu import Run, SampledSignal
 from fitting.fmu.runs import row_times
 from fitting.measurements.driven_model import DrivenModel

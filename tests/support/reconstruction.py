@@ -8,8 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from fitting.fit.fit import Fit, solve_problem, with_path
 from fitting.fit.options import Options
 from fitting.fit.path import Hooks
-from fitting.fit.planned_fmu import plan_problem
-from fitting.fit.problem import Problem
+from fitting.fit.problem import Problem, plan_problem
 from fitting.fmu import FmuWorkers
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.measurements.measurement import Response

@@ -33,11 +33,11 @@ import numpy as np
 from fitting.campaign.bound import Assumption
 from fitting.campaign.laws import in_base
 from fitting.campaign.parameters import prior_sigmas, to_model, to_search
+from fitting.fit.fit import Solution
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.objective import Objective, evaluate_many
 from fitting.fit.optimum import most_likely
 from fitting.fit.outputs import output_means
-from fitting.fit.solution import Solution
 from fitting.inference.checks.solutions import Solved
 from fitting.inference.statuses import nearest_image
 from fitting.measurements.fmu_response import FmuResponse

@@ -30,13 +30,12 @@ from scipy.linalg import block_diag
 from scipy.special import lambertw
 
 from fitting.campaign.parameters import inverse_priors, prior_sigmas, search_bounds
-from fitting.fit.fit import Fit
+from fitting.fit.fit import Fit, Solution
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import RowNoise
 from fitting.fit.objective import Objective, Point, evaluate_many, jacobian
 from fitting.fit.optimum import most_likely
-from fitting.fit.solution import Solution
 from fitting.inference.agreement import share_apart
 from fitting.inference.checks.solutions import Solved
 from fitting.inference.likelihood.knowledge import Adequacy

@@ -26,7 +26,7 @@ from fitting.campaign import BoundCampaign
 from fitting.campaign.laws import in_base
 from fitting.campaign.parameters import Parameter, to_model, to_search
 from fitting.fit.alternative import Outcome
-from fitting.fit.fit import Fit, Status
+from fitting.fit.fit import Fit, Solution, Status
 from fitting.fit.linearisation import DETERMINED as HELD
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Point, evaluate_many
@@ -34,7 +34,6 @@ from fitting.fit.options import LIKELIHOOD
 from fitting.fit.path import MINIMISED, named
 from fitting.fit.problem import Problem
 from fitting.fit.search import lowest
-from fitting.fit.solution import Solution
 from fitting.inference.agreement import contradictions
 from fitting.inference.estimates import DETERMINED, Outputs
 from fitting.inference.likelihood.knowledge import Adequacy, JointResult
