@@ -19,7 +19,7 @@ from fitting.lines.noise_spectrum import NoiseLine
 from fitting.lines.ringdown import Ringdown
 from fitting.posterior.summary import PosteriorSummary
 from fitting.result.result import Result
-from fitting.text import estimate
+from fitting.text import old_names
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import Verdict
 from fitting.text.schema import words_below_fields
@@ -45,7 +45,7 @@ ROOTS: tuple[tuple[str, type[Any]], ...] = (
 )
 #: Sections of old keys: of which records, and where each is.
 RENAMED: tuple[tuple[str, Mapping[str, str]], ...] = (
-    ("values", estimate.RENAMED),
+    ("values", old_names.RENAMED),
     ("lines (`line.json`, `line --json`, `line` of result.json)", line_record.RENAMED),
 )
 OLD_KEYS = """\

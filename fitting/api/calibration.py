@@ -9,15 +9,14 @@ from pathlib import Path
 from fitting.api.fitted import Valued
 from fitting.api.printed import HtmlText
 from fitting.api.written import CALIBRATED_FILES
-from fitting.fmu import read_description
+from fitting.fmu.description import read_description
 from fitting.fmu.models import rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure
 from fitting.result.calibration import Calibration, calibration, calibration_csv
 from fitting.result.result import Result, read_result
-from fitting.text.arguments import renamed
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
-from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.old_names import renamed
+from fitting.text.results_folder import remove_earlier, results_folder, write_whole
 
 __all__ = ["Calibrated", "calibrate"]
 

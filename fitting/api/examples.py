@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from fitting.text.errors import BadInput
-from fitting.text.files import write_all
-from fitting.text.shipped import shipped
+from fitting.text.files import shipped
+from fitting.text.results_folder import write_all
 from fitting.text.toml import read_toml
 
 CAMPAIGN = "campaign.toml"

@@ -49,7 +49,7 @@ from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number, span
-from fitting.text.sentences import warning_sentences
+from fitting.text.rendering import warning_sentences
 
 __all__ = [
     "Fit",

@@ -20,12 +20,17 @@ from fitting.api.request import USUAL_TONES, RequestBinder
 from fitting.api.written import DRIVE_FILES, SWEEP_FILES
 from fitting.campaign.bound import Drive as WantedDrive
 from fitting.campaign.file import WrittenFmu
-from fitting.fmu import FmuDescription, FmuVariable, FmuWorkers, read_description
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.description import (
+    FmuDescription,
+    FmuVariable,
+    OtherTone,
+    other_tones,
+    read_description,
+)
 from fitting.fmu.isolation import Isolate, Isolation
 from fitting.fmu.models import provide_fmu
-from fitting.fmu.pool import MOST_WORKERS
-from fitting.fmu.tone_names import OtherTone, other_tones
+from fitting.fmu.pool import MOST_WORKERS, FmuWorkers
 from fitting.report.table import Table, html_table, table
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.frf import sweep as sweep_through
@@ -39,9 +44,10 @@ from fitting.simulate.response import (
     respond,
     sideband_of,
 )
-from fitting.text.arguments import checked, renamed
+from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.old_names import renamed
 from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.scratch import Scratch
 from fitting.text.units import checked_accuracy

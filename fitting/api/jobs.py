@@ -21,9 +21,10 @@ from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.result import Result, write_result
 from fitting.result.same_data import require_same_data
-from fitting.text.arguments import checked, renamed
+from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
+from fitting.text.old_names import renamed
 from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = [

@@ -29,9 +29,10 @@ from fitting.report.resonance import report, text
 from fitting.resonance.decay_reading import decay_record_of, is_over_time, read_decay_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns, read_trace_of
-from fitting.text.arguments import checked, renamed
+from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
+from fitting.text.old_names import renamed
 from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = [

@@ -41,8 +41,8 @@ from fitting.report.figures.style import Axes
 from fitting.report.shown import figures_of
 from fitting.resonance.figure import figure_of
 from fitting.result.result import Result
-from fitting.text.arguments import renamed
 from fitting.text.errors import BadInput
+from fitting.text.old_names import renamed
 
 if TYPE_CHECKING:
     from fitting.design.figure import candidates, expected_errors

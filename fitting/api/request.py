@@ -10,15 +10,19 @@ import numpy.typing as npt
 
 from fitting.campaign.binder import Binder
 from fitting.campaign.bound import Drive as WantedDrive
-from fitting.fmu import FmuDescription, FmuVariable
-from fitting.fmu.tone_names import amplitude_of, other_tones
-from fitting.fmu.variables import READABLE, SETTABLE
+from fitting.fmu.description import (
+    READABLE,
+    SETTABLE,
+    FmuDescription,
+    FmuVariable,
+    amplitude_of,
+    other_tones,
+)
 from fitting.simulate.drive import Drive
 from fitting.simulate.frf import DIRECTIONS, Sweep
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.units import convert, same_kind
-from fitting.text.written import as_written, in_unit
+from fitting.text.units import as_written, convert, in_unit, same_kind
 
 #: Parameters that hold the frequencies of the tones in the models of this project.
 USUAL_TONES = ("u1", "u2")

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from fitting.campaign.measured import Experiment as Experiment
     from fitting.campaign.measured import Spectrum as Spectrum
     from fitting.campaign.measured import SweepData as SweepData
-    from fitting.fmu.variables import VariableLike as VariableLike
+    from fitting.fmu.description import FmuVariable as FmuVariable
 
 #: The module of each name: loaded when it is used, as most of what reads instruments needs none.
 HOMES = {
@@ -39,7 +39,7 @@ HOMES = {
     **dict.fromkeys(("Campaign", "read_campaign"), "fitting.campaign.data"),
     **dict.fromkeys(("ContinuationSettings", "WrittenFmu"), "fitting.campaign.file"),
     **dict.fromkeys(("Experiment", "Spectrum", "SweepData"), "fitting.campaign.measured"),
-    "VariableLike": "fitting.fmu.variables",
+    "FmuVariable": "fitting.fmu.description",
     "bind": "fitting.campaign.binding",
 }
 

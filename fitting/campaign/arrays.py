@@ -34,14 +34,13 @@ from fitting.campaign.kind import SeriesMeasurement, is_measurement, labels_of
 from fitting.campaign.measured import NO_FILE, Experiment, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import SCOPES
-from fitting.fmu.variables import READABLE, VariableLike
+from fitting.fmu.description import READABLE, FmuVariable
 from fitting.lines.names import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.units import checked_accuracy
-from fitting.text.written import Written, as_written, written_values
+from fitting.text.units import Written, as_written, checked_accuracy, written_values
 
 
 @checked
@@ -315,7 +314,7 @@ Measured = Tones | Sweep | SeriesMeasurement
 def bind_arrays(
     parameters: Sequence[Parameter],
     measurements: Sequence[Measured],
-    variables: Mapping[str, VariableLike],
+    variables: Mapping[str, FmuVariable],
     *,
     derived: Sequence[str] = (),
     alternatives: Mapping[str, Sequence[Scalar]] | None = None,
@@ -372,7 +371,7 @@ def bind_arrays(
 def _bound_series(
     mine: Sequence[Measured],
     parameters: Sequence[Parameter],
-    variables: Mapping[str, VariableLike],
+    variables: Mapping[str, FmuVariable],
     derived: Sequence[str],
     alternatives: Mapping[str, Sequence[Written]],
     noise: Noise,
@@ -455,7 +454,7 @@ def _bound_series(
     return completed(bound, binder, bind_parameters(parameters, binder))
 
 
-def _unit(given: Sequence[Tones | Sweep], output: VariableLike, top: str) -> tuple[float, str]:
+def _unit(given: Sequence[Tones | Sweep], output: FmuVariable, top: str) -> tuple[float, str]:
     """Factor and unit of the amplitudes: the output's where no scale stands between the two."""
     if not given:
         return 1.0, output.unit or "V"

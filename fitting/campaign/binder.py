@@ -14,16 +14,13 @@ from functools import partial
 from fitting.campaign.bound import Assumption, BoundCampaign
 from fitting.campaign.file import WrittenAssumption
 from fitting.campaign.laws import Law, Laws
-from fitting.fmu.description import FmuVariable
-from fitting.fmu.tone_names import other_tones
-from fitting.fmu.variables import READABLE, REPORTABLE, SETTABLE, VariableLike
+from fitting.fmu.description import READABLE, REPORTABLE, SETTABLE, FmuVariable, other_tones
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.formula import Formula
 from fitting.text.notation import listed, number
-from fitting.text.units import dimension_of, parse_quantity, same_kind, to_base
-from fitting.text.written import Written, in_unit
+from fitting.text.units import Written, dimension_of, in_unit, parse_quantity, same_kind, to_base
 
 #: Parts of a campaign as errors name them in a file; ``measurement`` is the table of another kind.
 IN_FILE: Mapping[str, str] = {
@@ -59,7 +56,7 @@ class Binder:
 
     def __init__(
         self,
-        variables: Mapping[str, VariableLike],
+        variables: Mapping[str, FmuVariable],
         named: Collection[str] = (),
         top: str = "",
         parts: Mapping[str, str] = IN_FILE,
@@ -80,9 +77,7 @@ class Binder:
         """
         return self._parts[part].format(name)
 
-    def variable(
-        self, name: str, where: str, causalities: Sequence[str], role: str
-    ) -> VariableLike:
+    def variable(self, name: str, where: str, causalities: Sequence[str], role: str) -> FmuVariable:
         """The variable of that name, if it may play the role.
 
         Args:
@@ -109,7 +104,7 @@ class Binder:
             )
         return variable
 
-    def real(self, name: str, where: str, causalities: Sequence[str], role: str) -> VariableLike:
+    def real(self, name: str, where: str, causalities: Sequence[str], role: str) -> FmuVariable:
         """As :meth:`variable`, and a Real one.
 
         Args:
@@ -125,7 +120,7 @@ class Binder:
             )
         return variable
 
-    def reported(self, name: str, where: str, by_laws: Collection[str]) -> VariableLike:
+    def reported(self, name: str, where: str, by_laws: Collection[str]) -> FmuVariable:
         """A real variable that is reported; a parameter only where a law sets it.
 
         A parameter that the fit sets itself is reported in any case.
@@ -140,7 +135,7 @@ class Binder:
         """
         return self.real(name, where, REPORTABLE if name in by_laws else READABLE, "reported")
 
-    def value(self, variable: VariableLike, written: Written) -> Scalar:
+    def value(self, variable: FmuVariable, written: Written) -> Scalar:
         """A written value as the FMU takes it.
 
         Args:
@@ -159,7 +154,7 @@ class Binder:
             f"{written.where}: found {raw!r}, but '{variable.name}' is {_of_kind(variable)}"
         )
 
-    def number(self, variable: VariableLike, written: Written) -> float:
+    def number(self, variable: FmuVariable, written: Written) -> float:
         """A written number in the variable's unit, within its min and max.
 
         Args:
@@ -178,7 +173,7 @@ class Binder:
             )
         return value
 
-    def note_missing_unit(self, variable: VariableLike) -> None:
+    def note_missing_unit(self, variable: FmuVariable) -> None:
         """Note, once, what is done where the FMU declares no unit.
 
         Args:
@@ -236,11 +231,11 @@ class Binder:
         return dict(zip(written, values, strict=True))
 
 
-def _of_kind(variable: VariableLike) -> str:
+def _of_kind(variable: FmuVariable) -> str:
     return f"{'an' if variable.kind[0] in 'AEIOU' else 'a'} {variable.kind} variable"
 
 
-def is_real(variable: VariableLike) -> bool:
+def is_real(variable: FmuVariable) -> bool:
     """Whether the variable is a Real one.
 
     Args:

@@ -27,12 +27,20 @@ from fitting.campaign.measured import Experiment, Spectrum, SweepData
 from fitting.campaign.noise import bind_noise, scale_parameter, sweep_scale_sigma, sweep_sigmas
 from fitting.campaign.parameters import SCOPES, Parameter, ParameterTable, numbers_of
 from fitting.fmu.accuracy import AccuracyAnnotation, AccuracyNames, Reduction
-from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.fmu.description import READABLE, SETTABLE, FmuVariable
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, Complaints, gathered
 from fitting.text.finding import Kind, note
-from fitting.text.units import base_unit, convert, dimension_of, parse_quantity, same_kind
-from fitting.text.written import Written, difference_in, in_unit
+from fitting.text.units import (
+    Written,
+    base_unit,
+    convert,
+    difference_in,
+    dimension_of,
+    in_unit,
+    parse_quantity,
+    same_kind,
+)
 
 if TYPE_CHECKING:  # it takes what is bound here
     from fitting.campaign.arrays import Parameter as ProgramParameter
@@ -48,7 +56,7 @@ HOLD_TONES = ("parameter", "input")
 DIFFERENCES = ("scale", "period", "prior")
 
 
-def bind(campaign: Campaign, variables: Mapping[str, VariableLike]) -> BoundCampaign:
+def bind(campaign: Campaign, variables: Mapping[str, FmuVariable]) -> BoundCampaign:
     """Check a campaign against the variables of its FMU and convert it to their units.
 
     Bare numbers are in the FMU's unit already. Drifting variables are interpolated linearly over
@@ -273,7 +281,7 @@ def parameter_of(
     unit: str | None,
     written: Mapping[str, Written],
     where: str = "",
-    variable: VariableLike | None = None,
+    variable: FmuVariable | None = None,
     binder: Binder | None = None,
 ) -> Parameter:
     """A parameter of numbers as written, all put into one unit.
@@ -337,7 +345,7 @@ def _bind_drive(choice: WrittenDrive | None, binder: Binder, where: str) -> Driv
 
 def bind_drive(
     drive: Drive, binder: Binder, where: str, hold: Sequence[str] = SETTABLE
-) -> tuple[Drive, VariableLike]:
+) -> tuple[Drive, FmuVariable]:
     """The drive with the unit of its frequencies, and the first variable that has its amplitude.
 
     Args:
@@ -368,7 +376,7 @@ def bind_drive(
     return replace(drive, frequency_unit=units[0]), kept[len(names)]
 
 
-def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder) -> Campaign:
+def _in_unit_of_output(campaign: Campaign, output: FmuVariable, binder: Binder) -> Campaign:
     """Amplitudes in the output's unit where no scale stands between the two, else as they are."""
     if campaign.is_scaled or not (campaign.experiments or campaign.sweep):
         return campaign
@@ -398,7 +406,7 @@ def _in_unit_of_output(campaign: Campaign, output: VariableLike, binder: Binder)
     return replace(campaign, experiments=experiments, sweep=sweep, unit=unit)
 
 
-def factor_to_output(unit: str, output: VariableLike, where: str) -> float:
+def factor_to_output(unit: str, output: FmuVariable, where: str) -> float:
     """By which amplitudes are multiplied that no scale compares with the output.
 
     Args:
@@ -448,7 +456,7 @@ def _bind_annotation(choice: WrittenAccuracy, binder: Binder, where: str) -> Acc
 
 
 def _bind_experiments(
-    campaign: Campaign, binder: Binder, drive: Drive, drift: Drift, output: VariableLike
+    campaign: Campaign, binder: Binder, drive: Drive, drift: Drift, output: FmuVariable
 ) -> tuple[Experiment, ...]:
     """All experiments, with what drifts between the ends of the series."""
     readers = (partial(bind_experiment, e, binder, drive, output) for e in campaign.experiments)
@@ -463,7 +471,7 @@ def _bind_experiments(
 
 
 def bind_experiment(
-    measured: Experiment, binder: Binder, drive: Drive, output: VariableLike
+    measured: Experiment, binder: Binder, drive: Drive, output: FmuVariable
 ) -> Experiment:
     """One experiment in the names and units of the FMU.
 

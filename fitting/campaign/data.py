@@ -30,12 +30,10 @@ from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, Complaints, did_you_mean, gathered
 from fitting.text.finding import left_out
-from fitting.text.frequency import hertz_of
 from fitting.text.notation import hertz
-from fitting.text.tables import Column, Table, parse_number, read_table, read_text
+from fitting.text.tables import Column, Table, hertz_of, parse_number, read_table, read_text
 from fitting.text.toml import read_toml
-from fitting.text.units import convert
-from fitting.text.written import Written
+from fitting.text.units import Written, convert
 
 #: Column of the experiments file that names the FMU output an experiment observes.
 OUTPUT_COLUMN = "output"

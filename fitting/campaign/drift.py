@@ -31,13 +31,12 @@ from fitting.campaign.bound import ROUNDING, BoundCampaign, Drift
 from fitting.campaign.data import Campaign
 from fitting.campaign.measured import Experiment
 from fitting.campaign.parameters import Parameter
-from fitting.fmu.variables import SETTABLE, VariableLike
+from fitting.fmu.description import SETTABLE, FmuVariable
 from fitting.signal.scale import half_power_width
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, Complaints, gathered
 from fitting.text.finding import Kind, note
-from fitting.text.units import convert, same_kind
-from fitting.text.written import Written, in_unit, sigma_in
+from fitting.text.units import Written, convert, in_unit, same_kind, sigma_in
 
 #: An offset may leave the stated value by this many standard deviations of its prior.
 REACH = 6.0
@@ -122,7 +121,7 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drift:
     return Drift(ends, units, positions, tuple(made))
 
 
-def _settable(binder: Binder, name: str, written: Written) -> VariableLike:
+def _settable(binder: Binder, name: str, written: Written) -> FmuVariable:
     return binder.real(name, written.where, SETTABLE, "set")
 
 

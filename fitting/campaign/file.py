@@ -28,7 +28,9 @@ from fitting.signal.peaks import FLOOR_KINDS
 from fitting.signal.scale import SCALES
 from fitting.text.choices import CRITERIA, ESTIMATORS, INTERFACES, LIKELIHOOD, MISFITS
 from fitting.text.errors import BadInput
-from fitting.text.keys import (
+from fitting.text.notation import how_many
+from fitting.text.once import made_once
+from fitting.text.schema import (
     Count,
     Counts,
     Factor,
@@ -56,14 +58,11 @@ from fitting.text.keys import (
     WholeNumber,
     checked_by,
     listed,
+    read_record,
     refusing,
 )
-from fitting.text.notation import how_many
-from fitting.text.once import made_once
-from fitting.text.schema import read_record
 from fitting.text.toml import read_toml
-from fitting.text.units import checked_accuracy
-from fitting.text.written import Written
+from fitting.text.units import Written, checked_accuracy
 
 DRIFT_MODELS = ("linear", "offsets", "walk")
 OUTLIERS = ("keep", "huber")

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 from fitting.text.arrays import Scalar
-from fitting.text.keys import Keys
+from fitting.text.schema import Keys
 
 if TYPE_CHECKING:  # they take what is read here
     from fitting.campaign.binder import Binder

@@ -22,8 +22,7 @@ from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure, did_you_mean, gathered
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.formula import Formula, alike
-from fitting.text.units import dimension_of, parse_quantity, to_base
-from fitting.text.written import Written, as_written
+from fitting.text.units import Written, as_written, dimension_of, parse_quantity, to_base
 
 #: Answers of laws that are kept.
 REMEMBERED = 4096

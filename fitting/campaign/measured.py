@@ -17,12 +17,11 @@ import numpy.typing as npt
 
 from fitting.lines.excluded import single_points
 from fitting.lines.names import MIN_SWEEP_POINTS
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import FloatArray, Scalar, as_numbers, require_size
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
 from fitting.text.notation import hertz, how_many
-from fitting.text.numbers import as_numbers, require_size
-from fitting.text.written import Written
+from fitting.text.units import Written
 
 #: Named in errors about what comes from no file.
 NO_FILE = Path("arrays")

@@ -20,10 +20,9 @@ from fitting.campaign.file import OUTLIERS
 from fitting.campaign.parameters import Parameter
 from fitting.signal.scale import laboratory_maximum
 from fitting.text.arguments import checked
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import LEAST, MOST, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.numbers import LEAST, MOST
-from fitting.text.written import in_unit
+from fitting.text.units import in_unit
 
 if TYPE_CHECKING:  # it is read with what stands here
     from fitting.campaign.data import Campaign

@@ -11,7 +11,7 @@ import numpy as np
 
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.keys import Keys, OneOf, Text
+from fitting.text.schema import Keys, OneOf, Text
 
 #: A number as it is written, or in the unit of its parameter.
 Number = TypeVar("Number")

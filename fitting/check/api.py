@@ -13,8 +13,8 @@ from fitting.check.findings import Finding, Severity, rule_findings, trial_findi
 from fitting.check.runs import trial_step_s
 from fitting.extension.fmu import FmuDescription, opened_fmu, validation_problems
 from fitting.extension.records import BoundCampaign, Campaign, bind, read_campaign
-from fitting.text.arguments import renamed
 from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.old_names import renamed
 from fitting.text.results_folder import remove_earlier, results_folder
 
 

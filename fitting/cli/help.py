@@ -12,7 +12,7 @@ from pathlib import Path
 
 from fitting.cli.words.parser import COMMANDS, parsed
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.shipped import shipped
+from fitting.text.files import shipped
 
 NAME = "help"
 EXAMPLE = "fmu-fit help control-sweep"

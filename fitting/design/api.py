@@ -38,8 +38,7 @@ from fitting.extension.records import BoundCampaign, bind
 from fitting.extension.report import phrases
 from fitting.text.choices import CRITERIA
 from fitting.text.errors import BadInput
-from fitting.text.files import write_all, write_whole
-from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.results_folder import remove_earlier, results_folder, write_all, write_whole
 
 __all__ = ["Goal", "Limits", "NextMeasurements", "WaysToMeasure", "design", "limits", "ways"]
 

@@ -20,13 +20,12 @@ from fitting.design.sweeps import frequencies_hz
 from fitting.design.tones import base_settings, levels_and_more
 from fitting.extension.records import BoundCampaign, Recorded, TimeRecord, TraceRecord
 from fitting.extension.report import phrase, phrases
-from fitting.fmu.variables import VariableLike
+from fitting.fmu.description import FmuVariable
 from fitting.measurements.traces.time_record import FOUND
 from fitting.text.arrays import Scalar
-from fitting.text.csv_cells import csv_line
 from fitting.text.files import path_from
 from fitting.text.notation import prefixed
-from fitting.text.tables import read_text
+from fitting.text.tables import csv_line, read_text
 from fitting.text.toml import Tables, inline, put, rewritten
 
 CAMPAIGN_NAME, EXPERIMENTS_NAME = "campaign.toml", "experiments.csv"
@@ -44,7 +43,7 @@ _ASCII = str.maketrans({"\u00a0": " ", "\u00b5": "u", "×": "x", "−": "-", "σ
 def campaign_files(
     design: Design,
     bound: BoundCampaign,
-    variables: Mapping[str, VariableLike],
+    variables: Mapping[str, FmuVariable],
     limits: Limits,
     folder: Path,
     command: str,
@@ -287,7 +286,7 @@ def _sweeps_csv(
 
 
 def _recording_files(
-    design: Design, like: Continued, command: str, variables: Mapping[str, VariableLike]
+    design: Design, like: Continued, command: str, variables: Mapping[str, FmuVariable]
 ) -> dict[str, str | bytes]:
     """A file for each proposed recording, with the heads of its columns and what to do."""
     files: dict[str, str | bytes] = {}

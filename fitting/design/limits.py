@@ -32,18 +32,16 @@ from fitting.extension.records import (
     WrittenSweeps,
     WrittenTraces,
 )
-from fitting.fmu.variables import READABLE, SETTABLE, VariableLike
+from fitting.fmu.description import READABLE, SETTABLE, FmuVariable
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
 from fitting.signal.time_grid import LEAST_SAMPLES
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.keys import Keys, Missing
-from fitting.text.schema import read_record
+from fitting.text.schema import Keys, Missing, read_record
 from fitting.text.toml import read_toml
-from fitting.text.units import convert, same_kind
-from fitting.text.written import Written, difference_in, in_unit, positive_in
+from fitting.text.units import Written, convert, difference_in, in_unit, positive_in, same_kind
 
 #: Measurements that are proposed, and samples of a recording, at most: it is simulated many times.
 MOST_NUMBER, MOST_SAMPLES = 50, 200_000
@@ -389,7 +387,7 @@ def refuse_wider(
 
 
 def check_names(
-    limits: Limits, variables: Mapping[str, VariableLike], controls: Mapping[str, str]
+    limits: Limits, variables: Mapping[str, FmuVariable], controls: Mapping[str, str]
 ) -> None:
     """Refuse names and values of limits made by a program that neither FMU nor laws have.
 
@@ -412,7 +410,7 @@ def check_names(
 
 
 def _binder(
-    variables: Mapping[str, VariableLike], units: Mapping[str, str], named: Iterable[str] = ()
+    variables: Mapping[str, FmuVariable], units: Mapping[str, str], named: Iterable[str] = ()
 ) -> Binder:
     """Of the FMU's variables, and of control quantities in their units."""
     binder = Binder(variables, {*units, *named})
@@ -432,7 +430,7 @@ def _setting(binder: Binder, name: str, written: Written) -> Scalar:
 
 def limits_of(
     bound: BoundCampaign,
-    variables: Mapping[str, VariableLike],
+    variables: Mapping[str, FmuVariable],
     table: DesignTable,
     read: tuple[Combination, ...] = (),
 ) -> Limits:
@@ -482,7 +480,7 @@ def _amplitude(written: Written | None, unit: str, default: float) -> float:
 
 def _of_tones(
     bound: BoundCampaign,
-    variables: Mapping[str, VariableLike],
+    variables: Mapping[str, FmuVariable],
     table: DesignTable,
     read: tuple[Combination, ...],
 ) -> Limits:
@@ -553,7 +551,7 @@ def _of_tones(
 
 
 def _outputs(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
+    bound: BoundCampaign, variables: Mapping[str, FmuVariable], table: DesignTable
 ) -> tuple[str, ...]:
     if table.keys.outputs is not None:
         for name in table.keys.outputs:
@@ -576,7 +574,7 @@ def _outputs(
 
 
 def _centres(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
+    bound: BoundCampaign, variables: Mapping[str, FmuVariable], table: DesignTable
 ) -> tuple[float, ...]:
     """Resonances in Hz: as written, or what drifts and the sweep's maximum, or the drive's mean."""
     if table.keys.centres is not None:
@@ -625,7 +623,7 @@ def _own_grid(bound: BoundCampaign, centres: tuple[float, ...]) -> tuple[float, 
 
 
 def _setting_sigmas(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
+    bound: BoundCampaign, variables: Mapping[str, FmuVariable], table: DesignTable
 ) -> dict[str, float]:
     """Errors of what is set to the value that is assumed, by FMU variable."""
     sigmas = {
@@ -661,7 +659,7 @@ def _refuse_keys(bound: BoundCampaign, table: DesignTable, kind: str, keys: froz
 
 
 def _of_sweeps(
-    bound: BoundCampaign, variables: Mapping[str, VariableLike], table: DesignTable
+    bound: BoundCampaign, variables: Mapping[str, FmuVariable], table: DesignTable
 ) -> Limits:
     like, keys = required(bound, SWEEPS), table.keys
     _refuse_keys(bound, table, "sweeps", OF_TONES)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fitting.text.arrays import Scalar
-from fitting.text.csv_cells import csv_text
 from fitting.text.records import read_json, write_json
+from fitting.text.tables import csv_text
 
 NAME, WAYS_NAME = "design.json", "ways.json"
 

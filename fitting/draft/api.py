@@ -28,8 +28,7 @@ from fitting.lines.names import TIME_PAGE
 from fitting.lines.ringdown import ringdown_of
 from fitting.resonance.reading import Columns
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import results_folder, write_whole
 
 __all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
 

@@ -22,8 +22,9 @@ from fitting.extension.records import Channel, bind, read_campaign
 from fitting.resonance.reading import Roles
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.files import path_from, write_whole
+from fitting.text.files import path_from
 from fitting.text.rendering import blocks
+from fitting.text.results_folder import write_whole
 from fitting.text.scratch import Scratch
 from fitting.text.toml import Tables, put, rewritten, toml_text
 from fitting.text.units import same_kind

@@ -62,11 +62,10 @@ from fitting.resonance.reading import (
 )
 from fitting.signal.roughness import roughness
 from fitting.text.arrays import ComplexArray, Scalar
-from fitting.text.csv_cells import csv_text
 from fitting.text.errors import BadInput, gathered, shown
 from fitting.text.notation import hertz, how_many, listed, number
-from fitting.text.rendering import blocks
-from fitting.text.sentences import sentence_lines
+from fitting.text.rendering import blocks, sentence_lines
+from fitting.text.tables import csv_text
 from fitting.text.units import same_kind
 
 #: Name of the table that a drafted map of several files reads: the control, and each file.

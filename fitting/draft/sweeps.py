@@ -48,8 +48,7 @@ from fitting.simulate.response import plan_drive
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import hertz, listed
-from fitting.text.rendering import blocks
-from fitting.text.sentences import sentence_lines
+from fitting.text.rendering import blocks, sentence_lines
 from fitting.text.units import convert, same_kind
 
 #: The parameter of two modes that weighs the upper one against the lower one.

@@ -15,8 +15,7 @@ from urllib.parse import urlsplit
 from distributed import Client, KilledWorker, Worker, WorkerPlugin
 
 import fitting
-from fitting.engine.files import NeededFile, keep
-from fitting.engine.run import AHEAD, Place
+from fitting.engine.run import AHEAD, NeededFile, Place, keep
 from fitting.text.errors import BadInput
 from fitting.text.files import read_whole
 
@@ -68,7 +67,7 @@ def cluster(scheduler: str, files: Sequence[NeededFile]) -> Iterator[Place]:
 
     Args:
         scheduler: its address, as "tcp://10.0.0.1:8786".
-        files: that `fitting.engine.files.place_of` finds on the workers.
+        files: that `fitting.engine.run.place_of` finds on the workers.
 
     Raises:
         BadInput: no scheduler there, or a worker that cannot be used.

@@ -14,8 +14,7 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import IO, Any, ParamSpec, TypeVar, cast
 
-from fitting.engine.printed import Printed
-from fitting.engine.process import ONE_THREAD, end, start
+from fitting.engine.process import ONE_THREAD, Printed, end, start
 from fitting.text.scratch import Scratch
 
 _log = logging.getLogger(__name__)
@@ -114,7 +113,7 @@ class _Slot:
         """The answer of the process to a call: result, error, traceback.
 
         Args:
-            call: as `fitting.engine.loop` reads it.
+            call: as `fitting.engine.process` reads it.
 
         Raises:
             LostProcess: it ended without one; the next call gets another process.
@@ -127,7 +126,7 @@ class _Slot:
                 # what it makes there goes with the executor, however it ends
                 place = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self.folder))
                 self.process, self._pipe = start(
-                    "fitting.engine.loop", self.folder, {**ONE_THREAD, **place}
+                    "fitting.engine.process", self.folder, {**ONE_THREAD, **place}
                 )
                 Printed(cast("IO[bytes]", self.process.stdout))  # it is never held up by that
                 _log.debug("process %d started", self.process.pid)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import queue
 import signal
 import subprocess
@@ -14,9 +15,10 @@ import traceback
 from collections.abc import Callable, Mapping
 from multiprocessing import Pipe, connection, spawn
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from fitting.engine import child
+from fitting.text.streams import spelled_out
 
 #: Looks for processes that were started while others were killed.
 MOST_ROUNDS = 20
@@ -227,3 +229,64 @@ def _started(
     finally:
         if blocked is not None and sys.platform != "win32":
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+
+def serve(pipe: connection.Connection) -> None:
+    """Answer calls with (result, error, traceback) until the caller sends None, or is gone.
+
+    Args:
+        pipe: the process's end.
+    """
+    # calls as bytes: one that cannot be read here is answered, and does not end the reading
+    arriving = messages(pipe)
+    while (call := arriving.get()) is not None:
+        answer: tuple[Any, BaseException | None, str]
+        try:
+            work, arguments, names = pickle.loads(call)  # noqa: S301 - from the caller's own pipe
+            answer = work(*arguments, **names), None, ""
+        except Exception as error:
+            answer = None, error, traceback.format_exc()
+        try:
+            data = pickle.dumps(answer)
+        except Exception as error:  # of whatever kind: the caller learns what no pickle can carry
+            what = f"{type(answer[1] or answer[0]).__name__} cannot be handed over: {error}"
+            data = pickle.dumps((None, RuntimeError(what), answer[2]))
+        with contextlib.suppress(OSError):  # the caller is gone, which the other thread deals with
+            pipe.send_bytes(data)
+
+
+KEPT = 4096  # bytes
+LAST_WORDS = 500  # characters of what is quoted
+ENDING_S = 1.0  # longest wait for what a process that has ended left in its pipe
+
+
+class Printed:
+    """Reads what a process prints until no process can print any more.
+
+    A pipe and not a file: an FMU may print for a whole night. And read by a thread, so that nothing
+    waits for a reader that is busy otherwise.
+
+    Args:
+        stream: reading end of the pipe.
+    """
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._kept = b""
+        self._lines = 0
+        self._thread = threading.Thread(target=self._read, args=(stream,), daemon=True)
+        self._thread.start()
+
+    def last_words(self) -> str:
+        """The end of what was printed by a process that has ended; empty if it printed nothing."""
+        self._thread.join(ENDING_S)
+        kept, lines = self._kept, self._lines
+        words = kept.decode("utf-8", "replace").strip()[-LAST_WORDS:]
+        dropped = lines - words.count("\n") - kept.endswith(b"\n")
+        words = spelled_out(words, "\n\t")
+        return f"{words} (… {dropped} further lines dropped)" if dropped > 0 else words
+
+    def _read(self, stream: IO[bytes]) -> None:
+        with stream:
+            while chunk := os.read(stream.fileno(), 2**16):
+                self._lines += chunk.count(b"\n")
+                self._kept = (self._kept + chunk)[-KEPT:]

@@ -25,12 +25,11 @@ from fitting.extension.fmu import NeededFile, Where, opened, provide_fmu, run
 from fitting.extension.problem import known_values, require_values
 from fitting.extension.records import WrittenFmu
 from fitting.lab.writer import CAMPAIGN_NAME
-from fitting.text.arguments import renamed
+from fitting.text.checkpoint import Journal
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
-from fitting.text.journal import Journal
+from fitting.text.old_names import renamed
 from fitting.text.records import to_plain, write_json
-from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.results_folder import remove_earlier, results_folder, write_whole
 from fitting.text.scratch import Scratch
 from fitting.text.tables import read_table
 from fitting.text.toml import read_toml

@@ -24,7 +24,7 @@ from fitting.lab.true_values import nearest, true_values
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.estimate import Estimate
-from fitting.text.files import write_all
+from fitting.text.results_folder import write_all
 from fitting.text.scratch import Scratch
 from fitting.text.toml import read_toml
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from fitting.api.fmu import opened_fmu
 from fitting.api.problem import named_fmu, one_fmu
-from fitting.engine.files import NeededFile, place_of
-from fitting.engine.place import Where, opened
-from fitting.engine.run import run
-from fitting.fmu import FmuDescription, FmuVariable, read_description, validation_problems
+from fitting.engine.run import NeededFile, Where, opened, place_of, run
+from fitting.fmu.description import (
+    FmuDescription,
+    FmuVariable,
+    read_description,
+    validation_problems,
+)
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Handling, Run, SampledSignal, Segment

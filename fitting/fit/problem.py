@@ -16,7 +16,8 @@ from fitting.campaign import BoundCampaign, Drift, Experiment, SweepData
 from fitting.campaign.joint import join_parameters, named_apart
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter, starts
-from fitting.fmu import FmuWorkers, read_accuracy_annotation
+from fitting.fmu.accuracy import read_accuracy_annotation
+from fitting.fmu.pool import FmuWorkers
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from fitting.fmu.description import INTEGRATOR_TOLERANCE, READERS, FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.keys import Keys, Positive, Refused, Switch, Text, Texts
+from fitting.text.schema import Keys, Positive, Refused, Switch, Text, Texts
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element

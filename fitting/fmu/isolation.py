@@ -9,7 +9,6 @@ import sys
 from dataclasses import dataclass
 from typing import Literal
 
-from fitting.fmu.worker.calls import PROCESSORS
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput
 
@@ -24,6 +23,9 @@ CREATE_RULESET, VERSION = 444, 1
 #: The versions of Landlock that keep from cutting files short, from devices and from signals.
 TRUNCATES, CONTROLS, SIGNALS = 3, 5, 6
 GET_SECCOMP = 21
+#: Name of the processor, as a filter of system calls knows it, and the place of its numbers among
+#: those of each call.
+PROCESSORS = {"x86_64": (0xC000003E, 0), "aarch64": (0xC00000B7, 1)}
 
 
 @checked

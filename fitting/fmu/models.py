@@ -13,9 +13,9 @@ from typing import Protocol
 
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
+from fitting.text.files import shipped
+from fitting.text.results_folder import write_whole
 from fitting.text.scratch import Scratch
-from fitting.text.shipped import shipped
 from fitting.text.toml import read_toml
 
 BUILDER = "build_fmu.py"

@@ -20,14 +20,12 @@ from typing import Literal
 from fitting.fmu.archive import unpack
 from fitting.fmu.description import FmuDescription, read_description
 from fitting.fmu.isolation import Isolation
-from fitting.fmu.run_requests import RunRequest, RunRequests
-from fitting.fmu.runs import Counts, Run
+from fitting.fmu.runs import Counts, Run, RunRequest, RunRequests
 from fitting.fmu.worker.messages import NotAnAnswer, Reply, Task
 from fitting.fmu.worker.process import WorkerProcess
 from fitting.fmu.worker.reuse import ANEW, Verdict, refused
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, is_real, is_whole
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, shown
-from fitting.text.numbers import is_real, is_whole
 from fitting.text.scratch import Scratch
 
 _log = logging.getLogger(__name__)

@@ -65,9 +65,8 @@ from fitting.measurements.measurement import Response
 from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.choices import usual_budget
-from fitting.text.error_bars import ROOT_95
 from fitting.text.errors import BadInput, OutOfBudget
-from fitting.text.estimate import OutputEstimate, ParameterEstimate
+from fitting.text.estimate import ROOT_95, OutputEstimate, ParameterEstimate
 from fitting.text.finding import Kind, note
 from fitting.text.notation import span
 

@@ -31,8 +31,8 @@ from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.measurement import Estimated, Prediction
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray
-from fitting.text.error_bars import ROOT_95
 from fitting.text.estimate import (
+    ROOT_95,
     Estimate,
     FittedEstimate,
     OffsetEstimate,

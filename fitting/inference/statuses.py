@@ -33,9 +33,9 @@ from fitting.inference.likelihood.knowledge import (
 )
 from fitting.inference.likelihood.profile import Quantity, ScanPoint, Scans
 from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.error_bars import ROOT_95
 from fitting.text.estimate import (
     NOWHERE,
+    ROOT_95,
     FittedEstimate,
     OutputEstimate,
     ParameterEstimate,

@@ -39,8 +39,7 @@ from fitting.text.files import path_from
 from fitting.text.notation import listed
 from fitting.text.tables import Column, read_table, read_text
 from fitting.text.toml import Tables, inline, rewritten
-from fitting.text.units import convert
-from fitting.text.written import in_unit, positive_in
+from fitting.text.units import convert, in_unit, positive_in
 
 #: Of the noise of planned sweeps and tones, apart from that of the campaign which they continue.
 SWEEPS_STREAM, TONES_STREAM = 4, 5

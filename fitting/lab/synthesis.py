@@ -16,8 +16,7 @@ from fitting.lab.names import CROSSING, CURVES, SYNTHETIC_FILES
 from fitting.lab.plans import moved, planned
 from fitting.lab.writer import CAMPAIGN_NAME, campaign_files, head_lines, truth_tables
 from fitting.text.errors import BadInput
-from fitting.text.files import write_all
-from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.results_folder import remove_earlier, results_folder, write_all
 
 
 @dataclass(frozen=True, kw_only=True)

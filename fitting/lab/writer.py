@@ -18,9 +18,9 @@ from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments import Markers, put_offsets
 from fitting.lab.names import TRUTH_NAME
 from fitting.lines.form import LineFit, fit_resonance
-from fitting.text import csv_cells
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
+from fitting.text.tables import csv_text as rows_text
 from fitting.text.toml import Tables, put, rewritten, toml_text
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def csv_text(columns: Columns, head: Sequence[str]) -> str:
         [cell if isinstance(cell, str) else repr(float(cell)) for cell in row]
         for row in zip(*columns.values(), strict=True)
     )
-    return lines + csv_cells.csv_text([columns, *rows])
+    return lines + rows_text([columns, *rows])
 
 
 def record_table(record: DataclassInstance, skip: Sequence[str] = ()) -> dict[str, Any]:

@@ -50,11 +50,10 @@ from fitting.lines.sweep_model import Place
 from fitting.lines.trace import above_zero, within
 from fitting.signal.residual_tests import Structure, residual_structure
 from fitting.signal.student import ratio95
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, as_numbers, require_size
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.notation import hertz
-from fitting.text.numbers import as_numbers, require_size
 
 #: Gain in chi square from which a way in which modes are moved is told from forces of their own.
 PLAINLY = 10.0

@@ -14,10 +14,10 @@ import numpy as np
 from fitting.signal.residual_tests import STRUCTURED, Structure
 from fitting.signal.student import ratio95
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.as_number import AsNumber
 from fitting.text.estimate import NOWHERE, Estimate, Interval, Verdict
 from fitting.text.finding import Finding
-from fitting.text.sentences import sentence_lines
+from fitting.text.old_names import AsNumber
+from fitting.text.rendering import sentence_lines
 
 #: Rows of a matrix.
 Matrix = tuple[tuple[float, ...], ...]

@@ -9,11 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.lines.names import MIN_SWEEP_POINTS
-from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
+from fitting.text.arrays import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    as_numbers,
+    as_values,
+    require_size,
+)
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.notation import hertz, how_many
-from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: Steps that are equal but for the last digit of a file: by which share they may differ.
 UNEVEN = 0.2

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
-from fitting.fmu import InputSignal
+from fitting.fmu.runs import InputSignal
 from fitting.measurements.plan import Plan
 from fitting.signal.combinations import mixed_hz
 from fitting.signal.grid import Grid, window_on

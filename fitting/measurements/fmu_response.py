@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from fitting.campaign.parameters import Parameter
-from fitting.fmu import Run
+from fitting.fmu.runs import Run
 from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.known_answers import KnownAnswers

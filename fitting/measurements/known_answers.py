@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from fitting.fmu import Run
+from fitting.fmu.runs import Run
 from fitting.simulate.batch import Workers
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoAnswer

@@ -12,7 +12,7 @@ import numpy as np
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter, axis_ends, bounds, planning_points, starts
 from fitting.fmu.accuracy import AccuracyAnnotation
-from fitting.fmu.variables import VariableLike
+from fitting.fmu.description import FmuVariable
 from fitting.measurements.datum_noise import accuracy_for
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Measurement
@@ -156,7 +156,7 @@ def settling_s(line_width_hz: float, accuracy: float) -> float:
 def measured_plan(
     series: Series,
     workers: Workers,
-    variables: Mapping[str, VariableLike],
+    variables: Mapping[str, FmuVariable],
     own: AccuracyAnnotation | None = None,
 ) -> Plan:
     """Plan of a series with settling, solver and reductions measured at start and reference.

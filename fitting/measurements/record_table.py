@@ -12,12 +12,12 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.drift import bind_sigmas
 from fitting.campaign.kind import MeasurementTable
-from fitting.fmu.variables import READABLE
+from fitting.fmu.description import READABLE
 from fitting.measurements.record import Record
 from fitting.measurements.together import Together
 from fitting.measurements.traces.time_record import BEGINS, FIRST
 from fitting.text.errors import BadInput, gathered
-from fitting.text.keys import FileName, OneOf, Switch, Text, Value
+from fitting.text.schema import FileName, OneOf, Switch, Text, Value
 
 Made = TypeVar("Made")
 

@@ -17,12 +17,12 @@ from fitting.posterior import CHAIN_FILE, FILES, LEAST_STEPS, LEAST_WALKERS
 from fitting.posterior.job import Job, thinned
 from fitting.posterior.report import draws_csv, screen_lines, write_report
 from fitting.posterior.summary import PosteriorOutput, PosteriorSummary, PosteriorValue
-from fitting.text.arguments import checked, renamed
+from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean
-from fitting.text.files import write_whole
+from fitting.text.old_names import renamed
 from fitting.text.records import write_json
-from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.results_folder import remove_earlier, results_folder, write_whole
 from fitting.text.toml import read_toml
 
 __all__ = [

@@ -24,7 +24,8 @@ import numpy as np
 from fitting.posterior.mixture import Mixture
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, MissingFile
-from fitting.text.files import read_whole, write_whole
+from fitting.text.files import read_whole
+from fitting.text.results_folder import write_whole
 
 #: Shares of steps by the mixture, by images, by stretches, by differences.
 MIXED, IMAGE, STRETCHED, DIFFERENCE = 0.4, 0.1, 0.25, 0.25

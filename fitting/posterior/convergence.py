@@ -32,7 +32,7 @@ from fitting.extension.problem import Parameter, Values
 from fitting.posterior.minima import Target
 from fitting.posterior.periods import value_in_period
 from fitting.text.arrays import FloatArray
-from fitting.text.error_bars import ROOT_95
+from fitting.text.estimate import ROOT_95
 from fitting.text.finding import Finding, Kind
 
 #: A window of so many correlation times, beyond which there is noise alone.

@@ -18,9 +18,9 @@ from fitting.extension.report import (
     write_page,
 )
 from fitting.posterior.summary import CONVERGED, PosteriorSummary
-from fitting.text import csv_cells
 from fitting.text.arrays import FloatArray
 from fitting.text.notation import unit_text, with_unit
+from fitting.text.tables import csv_text
 
 
 def write_report(summary: PosteriorSummary, figure: Figure, folder: Path) -> Path:
@@ -94,7 +94,7 @@ def draws_csv(
     heads = [with_unit(name, unit_text(unit)) for name, unit in units.items()]
     rows = np.column_stack([draws, *outputs.values()]).tolist()
     cells = ([exact_text(v) if math.isfinite(v) else "" for v in row] for row in rows)
-    return csv_cells.csv_text([heads, *cells])
+    return csv_text([heads, *cells])
 
 
 def screen_lines(

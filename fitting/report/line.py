@@ -14,9 +14,9 @@ from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.style import save, style
 from fitting.report.shown import ShownCampaign
 from fitting.resonance.figure import figure_of
-from fitting.text.csv_cells import csv_text
-from fitting.text.files import write_whole
 from fitting.text.records import write_json
+from fitting.text.results_folder import write_whole
+from fitting.text.tables import csv_text
 
 #: Columns of lines.csv, by the keys of a row.
 COLUMNS = {

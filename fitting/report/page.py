@@ -15,8 +15,8 @@ import fitting
 from fitting.measurements.figure import Figure
 from fitting.report.screen import phrase, phrases
 from fitting.report.table import environment, table
-from fitting.text.files import write_whole
 from fitting.text.notation import listed
+from fitting.text.results_folder import write_whole
 
 NAME = "report.html"
 #: Bytes of a figure's numbers that the page holds; of longer ones it names the file.

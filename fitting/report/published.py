@@ -16,8 +16,8 @@ from fitting.report.tables import is_reported, values
 from fitting.result.result import Result
 from fitting.signal.student import ratio95
 from fitting.text.estimate import NOWHERE, FittedEstimate, Verdict
-from fitting.text.files import write_whole
 from fitting.text.notation import rounded_alike, span, symbol, unit_text, with_error
+from fitting.text.results_folder import write_whole
 
 CSV_NAME, LATEX_NAME = "values.csv", "values.tex"
 #: Letters that LaTeX takes for commands, and how they are written.

@@ -33,8 +33,7 @@ from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.text.estimate import Estimate
 from fitting.text.notation import prefixed, quantity, with_error
 from fitting.text.once import made_once
-from fitting.text.rendering import with_prefix
-from fitting.text.sentences import sentence
+from fitting.text.rendering import sentence, with_prefix
 
 #: What each wiring is, in words.
 WIRINGS = {

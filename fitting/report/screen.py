@@ -25,8 +25,7 @@ from fitting.report.table import (
 from fitting.result.result import Result
 from fitting.text.finding import Finding
 from fitting.text.once import made_once
-from fitting.text.rendering import with_prefix
-from fitting.text.sentences import sentence
+from fitting.text.rendering import sentence, with_prefix
 
 #: Columns before the text of an entry, between values in a line, and values in a line at most.
 LEAD, GAP, MOST_IN_LINE = 17, 4, 3

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitting.fmu.tone_names import OtherTone
+from fitting.fmu.description import OtherTone
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.report.documents import drive_document, sweep_document
 from fitting.report.screen import phrase, printed_lines
@@ -31,8 +31,7 @@ from fitting.simulate.words import (
     spectrum_in_words,
     warnings_in_words,
 )
-from fitting.text.error_bars import EVEN
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import EVEN, Verdict
 
 
 def plan_lines(model: str, plan: DrivePlan, *, verbose: bool = False) -> list[str]:

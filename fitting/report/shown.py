@@ -16,7 +16,7 @@ from fitting.measurements.figure import Figure
 from fitting.report.screen import phrases
 from fitting.result.result import DeviationSet, Result
 from fitting.text.errors import BadInput
-from fitting.text.sentences import sentence
+from fitting.text.rendering import sentence
 from fitting.text.units import convert
 
 

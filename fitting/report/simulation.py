@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.fmu import FmuDescription
+from fitting.fmu.description import FmuDescription
 from fitting.report.figures.simulate import save_figures, save_frf
 from fitting.signal.combinations import combination_name
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.response import DriveResponse
 from fitting.text.arrays import FloatArray
-from fitting.text.csv_cells import csv_text
-from fitting.text.files import write_whole
+from fitting.text.results_folder import write_whole
+from fitting.text.tables import csv_text
 
 
 def write_drive(

@@ -19,8 +19,7 @@ from fitting.text.choices import BUDGET
 from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import quantity, sign
-from fitting.text.rendering import range_words, with_prefix
-from fitting.text.sentences import sentence
+from fitting.text.rendering import range_words, sentence, with_prefix
 
 #: Warnings on the first screen, at most.
 MOST_WARNINGS = 3

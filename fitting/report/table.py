@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitting.text import csv_cells, notation, rendering
+from fitting.text import notation, rendering, tables
 from fitting.text.notation import markup, number
 
 if TYPE_CHECKING:
@@ -222,7 +222,7 @@ def csv_text(table: Table) -> str:
         [c.text.strip("–") if c.value is None else exact_text(c.value) for c in row]
         for row in table.rows
     )
-    return csv_cells.csv_text([[head.text for head in table.heads], *cells])
+    return tables.csv_text([[head.text for head in table.heads], *cells])
 
 
 def markdown_lines(tables: Iterable[tuple[str, Table]]) -> list[str]:

@@ -25,10 +25,10 @@ from fitting.resonance.reading import (
     with_unit,
 )
 from fitting.signal.time_grid import spacing_s
+from fitting.text.arrays import as_numbers, as_values, require_size
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
-from fitting.text.frequency import hertz_of
-from fitting.text.numbers import as_numbers, as_values, require_size
+from fitting.text.tables import hertz_of
 from fitting.text.units import convert, is_frequency
 
 #: Names of columns that say that they hold amplitudes, in small letters.

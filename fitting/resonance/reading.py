@@ -18,8 +18,8 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
-from fitting.text.frequency import hertz_of
 from fitting.text.notation import listed
+from fitting.text.tables import hertz_of
 from fitting.text.units import convert, same_kind
 
 #: Units of squares of amplitudes, with and without the density over frequency.

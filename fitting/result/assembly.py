@@ -28,7 +28,7 @@ from fitting.result.result import (
 from fitting.signal.scale import laboratory_maximum
 from fitting.simulate.budget import PlanRecord
 from fitting.text.finding import Finding, Kind
-from fitting.text.sentences import warning_sentences
+from fitting.text.rendering import warning_sentences
 
 
 def result_of(

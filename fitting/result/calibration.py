@@ -10,9 +10,9 @@ from fitting.fmu.description import FmuDescription
 from fitting.fmu.parameter_set import SetValue
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
-from fitting.text.csv_cells import csv_text
 from fitting.text.errors import BadInput
 from fitting.text.estimate import ParameterEstimate, Verdict
+from fitting.text.tables import csv_text
 from fitting.text.units import convert
 
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 from fitting.campaign.parameters import canonical
 from fitting.fit.fit import Fit
 from fitting.fit.problem import PlannedFmu
-from fitting.fmu import FmuDescription, FmuWorkers
-from fitting.fmu.pool import DROPPED
+from fitting.fmu.description import FmuDescription
+from fitting.fmu.pool import DROPPED, FmuWorkers
 from fitting.inference.infer import Inference
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.plan import Plan

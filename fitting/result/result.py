@@ -18,10 +18,10 @@ from fitting.inference.sweeps import SweepLine
 from fitting.result.schema import SCHEMA, upgraded
 from fitting.simulate.budget import PlanRecord
 from fitting.text.arrays import Scalar
-from fitting.text.csv_cells import csv_text
 from fitting.text.estimate import Floats
-from fitting.text.files import write_whole
 from fitting.text.records import read_json, write_json
+from fitting.text.results_folder import write_whole
+from fitting.text.tables import csv_text
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ import math
 
 from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
-from fitting.text.error_bars import ROOT_95
+from fitting.text.estimate import ROOT_95
 
 #: Normal deviate within which 68 % lie.
 ROOT_68 = 1.0

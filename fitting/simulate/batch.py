@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from fitting.fmu import InputSignal, Run, SampledSignal, Segment
+from fitting.fmu.runs import InputSignal, Run, SampledSignal, Segment
 from fitting.signal.window import Window
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 

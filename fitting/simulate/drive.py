@@ -9,7 +9,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from fitting.fmu import InputSignal, Run, Segment, row_times
+from fitting.fmu.runs import InputSignal, Run, Segment, row_times
 from fitting.signal.combinations import beside_hz, mixed_hz
 from fitting.signal.grid import ANY_TIME, Grid, longest_common_s, window_on
 from fitting.signal.tones import ToneFit

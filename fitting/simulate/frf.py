@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.fmu import FmuWorkers, Run, Segment, row_times
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run, Segment, row_times
 from fitting.signal.combinations import USUAL_ORDER
 from fitting.signal.tones import ToneFit
 from fitting.signal.window import Window

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
-from fitting.fmu import Run
 from fitting.fmu.accuracy import Reduction
+from fitting.fmu.runs import Run
 from fitting.signal.grid import ANY_TIME, Grid
 from fitting.signal.window import Window
 from fitting.simulate.batch import Workers

@@ -19,10 +19,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fitting.fmu import FmuDescription, Run, read_accuracy_annotation, row_times
-from fitting.fmu.accuracy import AccuracyAnnotation
-from fitting.fmu.runs import communication_steps
-from fitting.fmu.variables import VariableLike
+from fitting.fmu.accuracy import AccuracyAnnotation, read_accuracy_annotation
+from fitting.fmu.description import FmuDescription, FmuVariable
+from fitting.fmu.runs import Run, communication_steps, row_times
 from fitting.signal.grid import Grid
 from fitting.signal.window import Window
 from fitting.simulate.batch import Workers
@@ -80,7 +79,7 @@ class Knowledge:
     """
 
     annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
-    variables: Mapping[str, VariableLike] = field(default_factory=dict)
+    variables: Mapping[str, FmuVariable] = field(default_factory=dict)
     step_s: float | None = None
     fixed_step: bool = False
     exchange: bool = False

@@ -11,8 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from fitting.fmu import FmuVariable, FmuWorkers, Run, row_times
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.description import FmuVariable
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run, row_times
 from fitting.signal.combinations import USUAL_ORDER, mixed_lines
 from fitting.signal.grid import band_on
 from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band

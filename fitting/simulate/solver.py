@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from fitting.fmu import Run
+from fitting.fmu.runs import Run
 from fitting.signal.grid import Grid
 from fitting.simulate.budget import Basis, Decision, Kind
 from fitting.simulate.probe import Knowledge, Probe, attempt

@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 import types
 import typing
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, wraps
 from os import PathLike
@@ -18,8 +17,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from fitting.text.arrays import is_real, is_whole
 from fitting.text.errors import BadInput, shown
-from fitting.text.numbers import is_real, is_whole
 
 Called = TypeVar("Called")
 #: Whether a value fits a hint, and what the hint is called in a sentence.
@@ -57,25 +56,6 @@ def checked(called: Called) -> Called:
         return called
     function = typing.cast("Callable[..., Any]", called)
     return typing.cast("Called", _checking(function, function))
-
-
-def renamed(called: Called) -> Called:
-    """A public function whose first argument was ``found`` in 0.2.0: the name works until 0.4.
-
-    Args:
-        called: with ``result`` in its place.
-    """
-    function = typing.cast("Callable[..., Any]", called)
-
-    @wraps(function)
-    def call(*args: Any, **kwargs: Any) -> Any:
-        if "found" in kwargs:
-            text = f"{function.__name__}: 'found' is 'result' now; the old name goes with 0.4"
-            warnings.warn(text, DeprecationWarning, stacklevel=2)
-            kwargs["result"] = kwargs.pop("found")
-        return function(*args, **kwargs)
-
-    return typing.cast("Called", call)
 
 
 def _checking(function: Callable[..., Any], hinted: Callable[..., Any]) -> Callable[..., Any]:

@@ -1,19 +1,117 @@
-"""Files that are read whole, and written whole or not at all."""
+"""Files that are read whole, and replaced whole or not at all; those that come with the program."""
 
 from __future__ import annotations
 
-import logging
+import errno
 import math
 import os
+import re
 import stat
-from collections.abc import Mapping
+import tempfile
+from contextlib import suppress
+from glob import escape
 from pathlib import Path
 
-from fitting.text.atomic import replace_file
 from fitting.text.errors import BadInput, MissingFile
-from fitting.text.results_folder import open_folder_of
+from fitting.text.once import alone
 
-_log = logging.getLogger(__name__)
+#: What the temporary name of a file ends with.
+PART = ".part"
+#: What file systems answer that know no `fsync`, as many of networks, of phones and in containers.
+NO_SYNC = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EROFS, errno.EPERM}
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file under a temporary name next to it, then rename: never half a file.
+
+    Folders are made as needed.
+
+    Args:
+        path: of the file.
+        data: its content.
+
+    Raises:
+        BadInput: the folder or file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(PART, f".{path.name}.", path.parent)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(data)
+                stream.flush()
+                _sync(stream.fileno(), path.parent)
+            # mkstemp makes files private; give this one the mode any new file has
+            with suppress(OSError):  # some mounts have no modes, or keep them as they are
+                os.chmod(name, 0o666 & ~_umask())
+            os.replace(name, path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def remove_parts(path: Path) -> None:
+    """Remove what processes left that were killed while they wrote a file, which none writes now.
+
+    Args:
+        path: of the file.
+    """
+    ours = re.compile(re.escape(f".{path.name}.") + "[a-z0-9_]{8}" + re.escape(PART))  # mkstemp
+    for part in path.parent.glob(f".{escape(path.name)}.*{PART}"):
+        with suppress(OSError):
+            if ours.fullmatch(part.name) and stat.S_ISREG(part.lstat().st_mode):
+                part.unlink()
+
+
+def add_to_file(path: Path, data: bytes) -> None:
+    """Add to the end of a file, on the disk when this returns: what is noted of it stays true.
+
+    Args:
+        path: of the file.
+        data: what is added.
+
+    Raises:
+        BadInput: the file cannot be written.
+    """
+    try:
+        with path.open("ab") as file:
+            file.write(data)
+            file.flush()
+            _sync(file.fileno(), path.parent)
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _sync(handle: int, folder: Path) -> None:
+    """Have the data on the disk where its file system can report that.
+
+    A refusal is no fault of the data, unless it is one that a file without any does not meet.
+
+    Raises:
+        OSError: the data are not on the disk, as where that is full or broken.
+    """
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno in NO_SYNC:
+            return
+        if error.errno == errno.EIO:
+            with tempfile.NamedTemporaryFile(prefix=".sync.", suffix=PART, dir=folder) as empty:
+                try:
+                    os.fsync(empty.fileno())
+                except OSError:
+                    return
+        raise
+
+
+def _umask() -> int:
+    with alone():  # of two threads the second would take 0 for it, and leave the process with that
+        mask = os.umask(0)
+        os.umask(mask)
+    return mask
+
 
 #: A file that is larger is none of those that people mean here.
 MOST_BYTES = 2 * 2**30
@@ -82,28 +180,6 @@ def _kind(mode: int) -> str:
     return kinds.get(stat.S_IFMT(mode), "no file")
 
 
-def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file under a temporary name next to it, then rename: never half a file.
-
-    Text is written as UTF-8 with line feeds on every system. Folders are made as needed. Below a
-    folder that `results_folder` has opened, a file that others wrote is not replaced.
-
-    Args:
-        path: of the file.
-        content: of the file.
-
-    Raises:
-        BadInput: the folder or file cannot be written, or is not this command's to replace.
-    """
-    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
-    folder = open_folder_of(path)
-    if folder is None:
-        replace_file(path, data)
-    else:
-        folder.write(path, data)
-    _log.debug("written: %s", path)
-
-
 def path_from(folder: Path, path: Path) -> str:
     """A path as seen from a folder, with slashes on every system; absolute on another drive.
 
@@ -120,18 +196,23 @@ def path_from(folder: Path, path: Path) -> str:
         return there.as_posix()
 
 
-def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]) -> None:
-    """Write several texts by relative file name below ``folder``.
+#: The folder of an installed package that holds what stands at the top of a checkout.
+INSTALLED = "shipped"
 
-    Args:
-        folder: where the files go.
-        texts: contents by file name.
+
+def shipped(name: str) -> Path:
+    """Path of a file or folder that comes with the program, as `name` at the top of a checkout.
+
+    An installed package has a copy, made when it was packaged; a checkout has the file itself.
 
     Raises:
-        BadInput: a file cannot be written, or would not be below the folder.
+        BadInput: it is in neither place.
     """
-    for name in texts:
-        if Path(name).is_absolute() or ".." in Path(name).parts:
-            raise BadInput(f"{folder}: {name!r} would be written outside this folder")
-    for name, text in texts.items():
-        write_whole(folder / name, text)
+    package = Path(__file__).resolve().parents[1]
+    for home in (package / INSTALLED, package.parent):
+        if (home / name).exists():
+            return home / name
+    raise BadInput(
+        f"{package / INSTALLED / name}: No such file or directory; wanted a whole installation of "
+        "fmu-fit, or its checkout"
+    )

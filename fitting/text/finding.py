@@ -1,6 +1,6 @@
 """What a reader has to know of a result, as a record: decided once, where the numbers are.
 
-Sentences are made at the edge, from a template with a block for each kind (`text.sentences`). What
+Sentences are made at the edge, from a template with a block for each kind (`text.rendering`). What
 each kind means, and what to do about it, is what ``fmu-fit help findings`` prints.
 """
 

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from fitting.text.errors import BadInput, shown
-from fitting.text.files import read_whole, write_whole
+from fitting.text.files import read_whole
+from fitting.text.results_folder import write_whole
 
 Record = TypeVar("Record")
 

@@ -1,7 +1,8 @@
 """The one Jinja environment of all text that is printed, and of all pages.
 
 Templates of this package (`text/templates`) are those of records below the report: findings, and
-decisions of a plan. Every other folder of templates may import them.
+decisions of a plan. Every other folder of templates may import them. Findings become sentences
+here: a macro of one template for each kind.
 """
 
 from __future__ import annotations
@@ -9,12 +10,14 @@ from __future__ import annotations
 import math
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitting.text import notation
-from fitting.text.controls import spelled_out
+from fitting.text.finding import Finding
 from fitting.text.once import made_once
+from fitting.text.streams import spelled_out
 
 if TYPE_CHECKING:
     from jinja2 import Environment, FileSystemBytecodeCache
@@ -198,3 +201,41 @@ def two_digits(value: float) -> str:
         return "0"
     place = 1 - math.floor(math.log10(value))
     return f"{round(value, place):,.{max(0, place)}f}"
+
+
+def sentence(finding: Finding) -> str:
+    """The sentence of a finding, its first letter capital.
+
+    Args:
+        finding: decided where its numbers are.
+    """
+    block = getattr(blocks("findings"), finding.kind.value)
+    text = str(block(finding.subject, finding.numbers, finding.names)).strip()
+    first = text.split(" ", 1)[0].rstrip(":,")
+    named = {
+        finding.subject,
+        *finding.numbers,
+        *(n for all_ in finding.names.values() for n in all_),
+    }
+    # the name of a parameter or a file is spelled as it is, and so is the text of others
+    kept = first in named or "text" in finding.names or not first.isalpha()
+    return text if kept else f"{text[0].upper()}{text[1:]}"
+
+
+def sentence_lines(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """The sentences of findings, in lines.
+
+    Args:
+        findings: in their order.
+    """
+    return tuple(line for each in findings for line in sentence(each).splitlines())
+
+
+def warning_sentences(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """The sentences of errors and warnings, each once.
+
+    Args:
+        findings: of a result.
+    """
+    urgent = (finding for finding in findings if finding.severity != "note")
+    return tuple(dict.fromkeys(map(sentence, urgent)))

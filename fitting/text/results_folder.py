@@ -14,19 +14,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+import logging
 import os
 import re
 import stat
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path, PurePath
 from typing import Any
 
-from fitting.text.atomic import add_to_file, remove_parts, replace_file
 from fitting.text.errors import BadInput
+from fitting.text.files import add_to_file, remove_parts, replace_file
+
+_log = logging.getLogger(__name__)
 
 RECORD_NAME, LOCK_NAME = ".fmu-fit-files.json", ".fmu-fit.lock"
 ELSEWHERE = "wanted another folder (--out)"
@@ -439,3 +442,42 @@ def _locked(path: Path, shown: Path) -> Iterator[None]:
         with suppress(OSError):  # Windows lets go of an open file only when it is closed
             (path / LOCK_NAME).unlink()
         lock.release()
+
+
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file under a temporary name next to it, then rename: never half a file.
+
+    Text is written as UTF-8 with line feeds on every system. Folders are made as needed. Below a
+    folder that `results_folder` has opened, a file that others wrote is not replaced.
+
+    Args:
+        path: of the file.
+        content: of the file.
+
+    Raises:
+        BadInput: the folder or file cannot be written, or is not this command's to replace.
+    """
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    folder = open_folder_of(path)
+    if folder is None:
+        replace_file(path, data)
+    else:
+        folder.write(path, data)
+    _log.debug("written: %s", path)
+
+
+def write_all(folder: Path, texts: Mapping[str, str] | Mapping[str, str | bytes]) -> None:
+    """Write several texts by relative file name below ``folder``.
+
+    Args:
+        folder: where the files go.
+        texts: contents by file name.
+
+    Raises:
+        BadInput: a file cannot be written, or would not be below the folder.
+    """
+    for name in texts:
+        if Path(name).is_absolute() or ".." in Path(name).parts:
+            raise BadInput(f"{folder}: {name!r} would be written outside this folder")
+    for name, text in texts.items():
+        write_whole(folder / name, text)

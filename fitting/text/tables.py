@@ -1,9 +1,15 @@
-"""Delimited text with units in its header: one table, and where each of its cells stands."""
+"""Delimited text with units in its header: read with the place of each cell, and written.
+
+A spreadsheet takes what begins with = + - or @ for a formula, quoted or not, and works it out. A
+name like that gets an apostrophe where it is written, by which spreadsheets know text, and
+`as_read` takes it off.
+"""
 
 from __future__ import annotations
 
 import codecs
 import csv
+import io
 import math
 import re
 from collections import Counter
@@ -15,10 +21,10 @@ from pathlib import Path
 import numpy as np
 
 from fitting.text.arrays import FloatArray
-from fitting.text.csv_cells import as_read
 from fitting.text.errors import BadInput, MissingFile, did_you_mean, shown
 from fitting.text.files import read_whole
 from fitting.text.notation import how_many
+from fitting.text.units import convert, same_kind
 
 #: What programs write where a number is missing.
 NOT_A_NUMBER = ("nan", "na", "n/a", "null", "none", "-")
@@ -320,3 +326,77 @@ def named_column(text: str, index: int) -> Column:
     if match and match["name"]:
         return Column(match["name"], match["unit"] or None, index)
     return Column(text, None, index)
+
+
+#: What a formula begins with, and what a name begins with that already has an apostrophe.
+MARKS, APOSTROPHE = "=+-@", "'"
+
+
+def csv_text(rows: Iterable[Iterable[str]]) -> str:
+    """Rows as the text of a CSV file.
+
+    Args:
+        rows: of cells, numbers as text.
+    """
+    made = io.StringIO()
+    csv.writer(made, lineterminator="\n").writerows(map(_guarded, row) for row in rows)
+    return made.getvalue()
+
+
+def csv_line(cells: Iterable[str]) -> str:
+    """One row, without its end.
+
+    Args:
+        cells: numbers as text.
+    """
+    return csv_text([cells]).removesuffix("\n")
+
+
+def as_read(cell: str) -> str:
+    """A cell of a file as it was before it was written.
+
+    Args:
+        cell: without blanks around it.
+    """
+    return cell[1:].strip() if cell[:1] == APOSTROPHE and _is_mistaken(cell[1:]) else cell
+
+
+def _guarded(cell: str) -> str:
+    return APOSTROPHE + cell if _is_mistaken(cell) else cell
+
+
+def _is_mistaken(cell: str) -> bool:
+    """Whether a spreadsheet would take a text for a formula, or this program for a guarded one."""
+    text = cell.lstrip()
+    if text[:1] == APOSTROPHE:
+        return _is_mistaken(text[1:])
+    return len(text) > 1 and text[0] in MARKS and not _is_number(text)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def hertz_of(values: Iterable[float], unit: str, *, where: str) -> FloatArray:
+    """Frequencies in Hz of a column, each rounded once: 6.94016 MHz is the tone 6940160 Hz exactly.
+
+    Equal frequencies are then equal, whichever unit each file writes them in. Angular frequencies
+    omega are omega/(2 pi): a column in rad/s means these.
+
+    Args:
+        values: of the column, shape (n,).
+        unit: of the column.
+        where: what complaints begin with.
+
+    Raises:
+        BadInput: another kind of unit.
+    """
+    if unit == "Hz":  # nothing is rounded
+        return np.fromiter(values, dtype=float)
+    if same_kind(unit, "rad/s"):
+        return np.array([convert(float(v), unit, "rad/s", where=where) for v in values]) / math.tau
+    return np.array([convert(float(v), unit, "Hz", where=where) for v in values])

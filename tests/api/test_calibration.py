@@ -16,7 +16,7 @@ from fmpy.ssp.ssd import read_ssd, read_ssv
 
 import fitting as ff
 from fitting.cli.main import main
-from fitting.fmu import read_description
+from fitting.fmu.description import read_description
 from fitting.result.calibration import calibration, calibration_csv
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput

@@ -19,8 +19,7 @@ from fitting.report.figures import reconstruction
 from fitting.report.screen import phrase
 from fitting.result.external import with_external
 from fitting.result.result import read_result
-from fitting.text.files import write_whole
-from fitting.text.results_folder import results_folder
+from fitting.text.results_folder import results_folder, write_whole
 from tests.support.string_part import string_part
 
 

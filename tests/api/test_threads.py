@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.text import atomic, units
+from fitting.text import files, units
 from fitting.text.once import made_once
 from tests.support.small_campaign import of_pairs, small_campaign
 
@@ -74,7 +74,7 @@ def test_threads_have_one_registry_of_units() -> None:
 def test_threads_leave_the_mode_of_new_files_as_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, plain = atomic._umask(), os.umask
+    before, plain = files._umask(), os.umask
 
     def slow(mask: int) -> int:
         found = plain(mask)
@@ -85,10 +85,10 @@ def test_threads_leave_the_mode_of_new_files_as_it_was(
 
     def write(number: int) -> None:
         for _ in range(3):
-            atomic.replace_file(tmp_path / f"{number}", b"")
+            files.replace_file(tmp_path / f"{number}", b"")
 
     at_once(write)
-    assert atomic._umask() == before
+    assert files._umask() == before
 
 
 def test_threads_take_turns_at_one_fmu(swift_fmu: Path) -> None:

@@ -29,8 +29,8 @@ from fitting.campaign.parameters import references, to_search
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many, make_objective
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, read_description
-from fitting.fmu.variables import VariableLike
+from fitting.fmu.description import FmuVariable, read_description
+from fitting.fmu.pool import FmuWorkers
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.lab.bench import Instrument, Series, measure
@@ -40,11 +40,11 @@ from fitting.lab.laboratories import changed
 from fitting.lab.string import TwoModes, steady_state
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Response
-from fitting.text.files import write_all
+from fitting.text.results_folder import write_all
 from tests.support.datasets import drafted, through
 from tests.support.phasors import PhasorResponse
 
-Variables = Mapping[str, VariableLike]
+Variables = Mapping[str, FmuVariable]
 
 #: Departure from the straight line at the middle of a series, Hz (standard deviation).
 CURVED_HZ = 30.0

@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from fitting.cli.main import main as fmu_fit
 from fitting.design.result import Design, read_design
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.lab.writer import CAMPAIGN_NAME
 from tests.support.design_laboratories import Laboratory
 from tests.support.string_benches import read_bench

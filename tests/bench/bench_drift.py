@@ -22,7 +22,8 @@ from fitting.campaign.measured import Experiment
 from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import Objective, evaluate_many, stencil
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
 from tests.support.datasets import drafted, through
 
 CAMPAIGN = Path(__file__).parents[2] / "data/string_q1/campaign.toml"

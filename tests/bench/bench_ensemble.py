@@ -25,10 +25,9 @@ from pathlib import Path
 
 import fitting as ff
 from fitting.engine.local import LocalProcesses
-from fitting.engine.place import opened
-from fitting.engine.run import run
+from fitting.engine.run import opened, run
 from fitting.ensembles.api import Progress
-from fitting.text.journal import Journal
+from fitting.text.checkpoint import Journal
 from tests.support import work
 from tests.support.work import Piece
 

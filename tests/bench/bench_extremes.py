@@ -23,7 +23,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import build_fmu
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.estimate import Verdict
 from tests.support.extreme_scenes import Fitted, Scene, fit

@@ -38,8 +38,10 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import starts, to_search
 from fitting.fit.objective import Objective, evaluate_many, make_objective, stencil
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, Run, read_accuracy_annotation
+from fitting.fmu.accuracy import read_accuracy_annotation
 from fitting.fmu.models import provide_fmu
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.plan import Plan
 from tests.support.datasets import drafted, planned_with, through

@@ -12,8 +12,7 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.binder import Binder
-from fitting.fmu import FmuVariable, read_description
-from fitting.fmu.description import Kind
+from fitting.fmu.description import FmuVariable, Kind, read_description
 from fitting.lab.bench import measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files

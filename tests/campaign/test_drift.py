@@ -21,7 +21,8 @@ from fitting.fit.interior_point import solve
 from fitting.fit.objective import Evaluator, Objective, weights
 from fitting.fit.options import Options, options_of
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
 from fitting.inference.checks.solutions import drift_findings
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
@@ -32,7 +33,7 @@ from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind
-from fitting.text.written import Written, written_values
+from fitting.text.units import Written, written_values
 from tests.support.datasets import answer, dataset
 from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 

@@ -17,8 +17,8 @@ import pytest
 from fitting.campaign.recognised import recognised
 from fitting.cli.running import progress
 from fitting.text.errors import BadInput
-from fitting.text.frequency import hertz_of
 from fitting.text.loose_tables import find_table
+from fitting.text.tables import hertz_of
 from tests.support.in_process import told
 from tests.support.lines import write_csv
 

@@ -12,7 +12,7 @@ from fitting.campaign import Drift, read_campaign
 from fitting.campaign.measured import Experiment, Spectrum, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.text.errors import BadInput
-from fitting.text.written import Written, as_written, in_unit, positive_in, written_values
+from fitting.text.units import Written, as_written, in_unit, positive_in, written_values
 
 DATA = Path(__file__).parents[2] / "data"
 F = np.linspace(100.0, 110.0, 11)

@@ -16,7 +16,7 @@ from fitting.fit.linearisation import Linearisation
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import Evaluator, Objective, evaluate_many, make_objective
 from fitting.fit.problem import problem_of
-from fitting.fmu import read_description
+from fitting.fmu.description import read_description
 from fitting.inference.checks.mistakes import outlying_peaks
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep

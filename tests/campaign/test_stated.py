@@ -16,7 +16,8 @@ from fitting.campaign import BoundCampaign, bind
 from fitting.campaign.joint import named_apart
 from fitting.campaign.parameters import Parameter
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
 from fitting.lab.bench import measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files

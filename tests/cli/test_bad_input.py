@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 
 from fitting.cli.main import main
-from fitting.text.files import write_whole
-from fitting.text.results_folder import RECORD_NAME, results_folder
+from fitting.text.results_folder import RECORD_NAME, results_folder, write_whole
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.oscillator_campaign import CAMPAIGN, FILES
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from fitting.cli.main import main
-from fitting.fmu import read_description
+from fitting.fmu.description import read_description
 from fitting.report.screen import phrases
 from tests.support.cfmu_build import build_c_fmu, reworded
 from tests.support.processes import Clock

@@ -12,7 +12,7 @@ import fitting
 from fitting.cli.main import main
 from fitting.measurements.kinds import read_campaign
 from fitting.text.errors import BadInput
-from fitting.text.shipped import shipped
+from fitting.text.files import shipped
 
 DATA = Path(__file__).parents[2] / "data"
 NAMES = sorted(path.parent.name for path in DATA.glob("*/campaign.toml"))

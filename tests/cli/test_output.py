@@ -18,7 +18,8 @@ import pytest
 
 from fitting.cli.running.output import HEAD, LOGGER
 from fitting.cli.words.parser import COMMANDS, command_of
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from tests.support.in_process import Told, told
 from tests.support.small_campaign import small_campaign
 

@@ -12,8 +12,7 @@ import pytest
 
 from fitting.cli.main import main
 from fitting.cli.running.results import writes
-from fitting.text.files import write_whole
-from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.results_folder import remove_earlier, results_folder, write_whole
 
 Q1 = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"
 COMMANDS = {

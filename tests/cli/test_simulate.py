@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from fitting.cli.main import main
-from fitting.fmu import Run
+from fitting.fmu.runs import Run
 from fitting.simulate.drive import Drive
 from fitting.simulate.frf import USUAL_SWEEP_ACCURACY
 from fitting.simulate.planner import plan_drives

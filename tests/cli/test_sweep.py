@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from fitting.cli.main import main
-from fitting.fmu import FmuWorkers, Run, Segment, row_times
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run, Segment, row_times
 from fitting.lab.string import TwoModes, steady_state
 from fitting.text.errors import BadInput
 from tests.models.test_duffing import branches, folds, one_mode

@@ -15,8 +15,7 @@ from fitting.cli.main import main
 from fitting.lab import command as synthesize
 from fitting.lab.duffing import Cubic, CubicModes
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
-from fitting.text.results_folder import RECORD_NAME
+from fitting.text.results_folder import RECORD_NAME, write_whole
 from tests.support.string_benches import read_bench
 
 DATA = Path(__file__).parents[2] / "data"

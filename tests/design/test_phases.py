@@ -19,12 +19,12 @@ from fitting.design.campaign import campaign_files
 from fitting.design.information import Place, Series
 from fitting.design.limits import DesignTable, Limits, limits_of, refuse_wider
 from fitting.design.tones import ToneCandidates
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.lab.instruments import LockIns
 from fitting.measurements.complex.tones import ComplexTones
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.files import write_all
+from fitting.text.results_folder import write_all
 from fitting.text.schema import read_record
 from tests.design.test_campaign import designed
 from tests.support.modes_mpmath import log_responses

@@ -22,10 +22,10 @@ from fitting.design.proposal import proposed
 from fitting.design.result import Design, DriveChoice
 from fitting.design.tones import ToneCandidates, tone_choices
 from fitting.design.weighing import Goal, Weighed, weigh
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.lines.form import fit_resonance
 from fitting.text.errors import BadInput
-from fitting.text.files import write_all
+from fitting.text.results_folder import write_all
 from fitting.text.schema import read_record
 from tests.support import closed_form
 from tests.support.datasets import linear

@@ -10,9 +10,8 @@ from types import SimpleNamespace
 import pytest
 
 import fitting
-from fitting.engine import files
-from fitting.engine.files import NeededFile, place_of
-from fitting.engine.place import opened
+from fitting.engine import run
+from fitting.engine.run import NeededFile, opened, place_of
 from fitting.text.errors import BadInput
 
 
@@ -55,13 +54,13 @@ def test_a_worker_of_another_version_is_refused(
 def test_a_file_that_was_sent_is_known_by_its_content(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(files, "_SENT", {})
+    monkeypatch.setattr(run, "_SENT", {})
     path = tmp_path / "model.fmu"
     path.write_bytes(b"one")
     file = NeededFile.of(path)
     assert place_of(file) == path
     (tmp_path / "there").mkdir()
-    files.keep({file: b"one"}, tmp_path / "there")
+    run.keep({file: b"one"}, tmp_path / "there")
     path.write_bytes(b"two")
     assert place_of(file).read_bytes() == b"one"
     assert place_of(NeededFile.of(path)) == path

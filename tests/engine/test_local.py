@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from fitting.engine.local import LocalProcesses, LostProcess
-from fitting.engine.place import opened
-from fitting.engine.run import Place, run
+from fitting.engine.run import Place, opened, run
 from fitting.text.errors import BadInput
 from tests.support import work
 from tests.support.processes import is_gone, wait_until

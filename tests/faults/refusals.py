@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any
 
 from fitting.fmu.pool import FmuWorkers
-from fitting.text import atomic
+from fitting.text import files
 from tests.faults.campaign_keys import COMMAND
 from tests.faults.case import HERE, INTERRUPTED, OUT, Case, drawn
 from tests.faults.scene import FMU
@@ -48,7 +48,7 @@ LOST = {
 MOMENTS: dict[str, tuple[Any, str]] = {
     "a file is begun": (tempfile, "mkstemp"),
     "a file gets its name": (os, "replace"),
-    "a file is on the disk": (atomic, "_sync"),
+    "a file is on the disk": (files, "_sync"),
     "runs are asked for": (FmuWorkers, "run"),
 }
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")

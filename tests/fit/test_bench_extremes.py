@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.text.estimate import Verdict
 from tests.bench.bench_extremes import WHOLE, Bench, Outcome, _split
 

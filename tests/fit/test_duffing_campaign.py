@@ -17,7 +17,7 @@ from fitting.campaign.binding import bind
 from fitting.cli.main import main
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.lab.bench import measure
 from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
 from fitting.lab.duffing import steady_lines
@@ -26,7 +26,7 @@ from fitting.lab.writer import campaign_files
 from fitting.measurements.plan import Plan
 from fitting.result.provenance import Identity
 from fitting.result.result import Result
-from fitting.text.files import write_all
+from fitting.text.results_folder import write_all
 from tests.support.datasets import drafted, planned_with, through
 from tests.support.reconstruction import ReconstructionOptions, reconstruct
 from tests.support.twins import swift_model

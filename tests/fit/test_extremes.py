@@ -15,12 +15,12 @@ from typing import Any
 
 import pytest
 
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.result.result import Result
 from fitting.text.errors import BadInput
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Kind, of_kind
-from fitting.text.sentences import sentence
+from fitting.text.rendering import sentence
 from tests.support.extreme_scenes import Fitted, Scene, fit, no_false_success
 from tests.support.samples import cases
 

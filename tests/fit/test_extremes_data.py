@@ -18,11 +18,11 @@ import pytest
 
 from fitting.campaign import read_campaign
 from fitting.cli.main import main
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.result.result import Result, read_result
 from fitting.signal.misfit import CORRELATED
 from fitting.text.errors import BadInput
-from fitting.text.sentences import sentence
+from fitting.text.rendering import sentence
 from tests.support.extreme_scenes import (
     Fitted,
     Scene,

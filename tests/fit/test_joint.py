@@ -22,7 +22,8 @@ from fitting.fit.fit import solution_of
 from fitting.fit.objective import Evaluator, Objective, evaluate_many
 from fitting.fit.options import Schedule, options_of
 from fitting.fit.problem import Problem, problem_of
-from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
 from fitting.inference.agreement import consistency
 from fitting.inference.estimates import outputs_of
 from fitting.inference.likelihood.knowledge import JointResult

@@ -25,7 +25,8 @@ from fitting.fit.optimum import Optimum, most_likely
 from fitting.fit.options import options_of
 from fitting.fit.path import PATH, Hooks, PathLevel, Progress
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.report.details import detail_lines
 from fitting.report.summary import result_lines, summary_of

@@ -19,7 +19,8 @@ from fitting.fit import checkpoint
 from fitting.fit.path import GLOBAL, PATH, PathLevel
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.errors import BadInput
-from fitting.text.estimate import RENAMED, FittedEstimate, OutputEstimate, Verdict
+from fitting.text.estimate import FittedEstimate, OutputEstimate, Verdict
+from fitting.text.old_names import RENAMED
 from fitting.text.records import from_plain, read_json, to_plain, write_json
 
 ROOT = Path(__file__).resolve().parents[2]

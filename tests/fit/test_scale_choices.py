@@ -20,7 +20,8 @@ from fitting.fit.interior_point import solve
 from fitting.fit.objective import Evaluator, Objective, weights
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
 from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files

@@ -17,7 +17,7 @@ from fitting.campaign import SweepData, bind, read_campaign
 from fitting.cli.main import main
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.inference.sweeps import line_of_sweep
 from fitting.lab.bench import Bench, measure
 from fitting.lab.benches import string_bench
@@ -26,8 +26,8 @@ from fitting.report.screen import phrases
 from fitting.result.provenance import Identity
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import FloatArray
-from fitting.text.files import write_all
 from fitting.text.finding import Kind
+from fitting.text.results_folder import write_all
 from tests.support.reconstruction import ReconstructionOptions, reconstruct_through
 from tests.support.shipped_runs import ShippedRun
 from tests.support.virtual.answers import ModesResponse

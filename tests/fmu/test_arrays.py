@@ -12,8 +12,8 @@ from scipy.linalg import expm
 
 import fitting as ff
 from fitting.cli.main import main
-from fitting.fmu import Run
 from fitting.fmu.description import read_description
+from fitting.fmu.runs import Run
 from fitting.text.arrays import FloatArray
 from tests.support.cfmu_build import build_matrix_fmu, reworded
 

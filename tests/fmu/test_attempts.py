@@ -14,8 +14,9 @@ from typing import Any
 
 import pytest
 
-from fitting.fmu import FmuWorkers, Run
 from fitting.fmu.isolation import Isolation, lacks
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from fitting.text.errors import BadInput, FmuFailure
 from tests.support.attempts import KINDS
 from tests.support.cfmu_build import PULLED, build_c_fmu, misbehaving

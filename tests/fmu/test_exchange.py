@@ -12,7 +12,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fitting as ff
-from fitting.fmu import FmuWorkers, Run, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from fitting.simulate.planner import DrivePlan
 from fitting.text.finding import Kind, of_kind
 from tests.support.cfmu_build import build_exchange_fmu, build_reference_fmu

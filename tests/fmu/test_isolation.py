@@ -15,8 +15,9 @@ import pytest
 
 import fitting as ff
 from fitting.cli.main import main
-from fitting.fmu import FmuWorkers, Run
 from fitting.fmu.isolation import Isolation
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from fitting.text.errors import BadInput, FmuFailure
 from tests.support.cfmu_build import PULLED, build_c_fmu, misbehaving
 
@@ -68,7 +69,7 @@ CALLER = """
 import sys
 from pathlib import Path
 from fitting.text.errors import FmuFailure
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from tests.fmu.test_isolation import LIMITS, misbehaving
 ballast = bytearray(int(sys.argv[2]) * 1000000)
 with FmuWorkers(Path(sys.argv[1]), timeout_s=100.0, isolation=LIMITS) as workers:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting.fmu import read_description
+from fitting.fmu.description import read_description
 from fitting.text.errors import BadInput
 from tests.support.cfmu_build import build_c_fmu, reworded
 

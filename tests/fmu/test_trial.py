@@ -14,7 +14,8 @@ from fitting.check.inputs import try_inputs
 from fitting.check.resets import try_resets
 from fitting.check.runs import STEPS, pushed_run, trial_step_s
 from fitting.check.steps import try_repeats
-from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
 from tests.support.cfmu_build import (
     build_c_fmu,
     build_lag_fmu,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.text.errors import FmuFailure, NoAnswer
 from tests.support.cfmu_build import PULLED, build_c_fmu, misbehaving
 from tests.support.processes import is_gone, is_stopped, wait_until
@@ -110,7 +110,8 @@ def test_a_worker_is_missed_though_a_child_keeps_its_pipe_open(good: Path, tmp_p
 
 CALLER = """
 import sys
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 workers = FmuWorkers(sys.argv[1])
 
 def run(**values):

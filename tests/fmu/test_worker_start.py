@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from tests.support.cfmu_build import build_c_fmu
 from tests.support.processes import is_gone, wait_until
 
@@ -30,7 +31,8 @@ SCRIPT = """
 import sys
 print("imported")
 sys.path.insert(0, {root!r})
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 
 workers = FmuWorkers({fmu!r}, workers=2)
 for force in (1.0, 2.0, 4.0):
@@ -116,7 +118,7 @@ def test_a_worker_imports_what_it_needs_and_no_more() -> None:
 
 
 def test_fmpy_is_loaded_only_for_what_needs_it() -> None:
-    code = "import fitting.fmu.accuracy, fitting.fmu; fitting.fmu.Run; fitting.fmu.FmuWorkers"
+    code = "import fitting.fmu.accuracy, fitting.fmu.runs, fitting.fmu.pool"
     show = f"import sys; sys.path.insert(0, {str(ROOT)!r}); {code}; print('fmpy' in sys.modules)"
     assert run_python(["-c", show], ROOT) == ["False"]
 
@@ -154,7 +156,8 @@ def test_a_fork_leaves_the_workers_to_their_owner(good: Path) -> None:
     script = f"""
 import gc, os, sys
 sys.path.insert(0, {str(ROOT)!r})
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 workers = FmuWorkers({str(good)!r})
 run = Run(
     start_values={{"force": 1.0}}, settle_s=0.0, sample_step_s=1e-3, samples=2,

@@ -19,13 +19,9 @@ import mpmath
 import numpy as np
 import pytest
 
-from fitting.fmu import (
-    FmuWorkers,
-    InputSignal,
-    Run,
-    read_description,
-    validation_problems,
-)
+from fitting.fmu.description import read_description, validation_problems
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import InputSignal, Run
 from fitting.fmu.worker.pulse import STARTED, open_pulse
 from fitting.fmu.worker.simulation import values_over_steps
 from fitting.signal.tones import cycle_fraction
@@ -598,7 +594,8 @@ def test_files_that_cannot_be_used(folder: Path, good: Path, tmp_path: Path) -> 
 
 CALLER = """
 import signal, sys
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 workers = FmuWorkers(sys.argv[1])
 run = Run(

@@ -25,8 +25,7 @@ from fitting.report.table import csv_text, text_lines
 from fitting.report.table import table as table_of
 from fitting.result.calibration import Calibration, Handed
 from fitting.text.arrays import FloatArray
-from fitting.text.error_bars import EVEN, ErrorBars, error_bars
-from fitting.text.estimate import FittedEstimate, Verdict
+from fitting.text.estimate import EVEN, ErrorBars, FittedEstimate, Verdict, error_bars
 from tests.support import report_records as records
 from tests.support.whitened import Z95, parameter, whitened
 

@@ -25,8 +25,7 @@ from fitting.inference.determine import InferenceOptions, determine
 from fitting.measurements.measurement import Evaluation
 from fitting.signal.student import ROOT_68, freedom_of_share, normal_square, reach
 from fitting.text.arrays import FloatArray
-from fitting.text.error_bars import ROOT_95
-from fitting.text.estimate import FittedEstimate
+from fitting.text.estimate import ROOT_95, FittedEstimate
 from tests.support.datasets import answer, dataset, sweep_measurement
 from tests.support.whitened import parameter
 

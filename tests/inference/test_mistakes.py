@@ -24,7 +24,7 @@ from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.inference.sweeps import SweepFindings, line_of_sweep
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Finding, Kind
-from fitting.text.sentences import sentence
+from fitting.text.rendering import sentence
 from tests.support.lines import mode, noise
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.kinds import KINDS

@@ -23,7 +23,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from fitting.signal.scale import refine_maximum
 from fitting.text.arrays import FloatArray
 from tests.support import reference

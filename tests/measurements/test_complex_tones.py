@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 import fitting as ff
 from fitting.campaign import Setup
-from fitting.fmu import Run
+from fitting.fmu.runs import Run
 from fitting.inference.agreement import sweep_agreement
 from fitting.measurements.complex.tones import ComplexTones
 from fitting.measurements.measurement import Prediction

@@ -14,8 +14,7 @@ from scipy.integrate import solve_ivp
 import fitting as ff
 from fitting.campaign.parameters import Parameter
 from fitting.fit.problem import plan_problem
-from fitting.fmu import Run, SampledSignal
-from fitting.fmu.runs import row_times
+from fitting.fmu.runs import Run, SampledSignal, row_times
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.measurement import Prediction

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.measurements.known_answers import KnownAnswers
 from fitting.text.errors import FmuFailure
 from tests.fmu.test_workers import FAILS_IN_STEP, PULLED, step_response

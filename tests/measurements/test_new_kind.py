@@ -25,7 +25,7 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import unit_of
 from fitting.campaign.kind import MeasurementTable
-from fitting.fmu.variables import READABLE
+from fitting.fmu.description import READABLE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.kinds import kinds_in
@@ -35,7 +35,7 @@ from fitting.signal.window import Window
 from fitting.simulate.batch import Batch
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput
-from fitting.text.keys import FileName, Quantity, Refused, Text, Texts
+from fitting.text.schema import FileName, Quantity, Refused, Text, Texts
 from fitting.text.tables import Table, read_table
 from fitting.text.toml import read_toml
 from fitting.text.units import convert

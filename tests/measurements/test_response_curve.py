@@ -18,7 +18,8 @@ import pytest
 import fitting as ff
 from fitting.campaign import Drive, Setup
 from fitting.campaign.parameters import Parameter
-from fitting.fmu import FmuWorkers, Run
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from fitting.measurements.curve_plan import CurvePlan
 from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel

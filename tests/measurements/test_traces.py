@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from scipy.stats import chi2
 
 import fitting as ff
-from fitting.fmu import Run, SampledSignal
+from fitting.fmu.runs import Run, SampledSignal
 from fitting.measurements.traces.step_plan import first_steps
 from fitting.measurements.traces.waveform import Recorded, Waveform
 from fitting.report.shown import shown_fit

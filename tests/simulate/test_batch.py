@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from fitting.fmu import Run
+from fitting.fmu.runs import Run
 from fitting.signal.window import plan_window
 from fitting.simulate.batch import Batch, Variation
 from fitting.text.arrays import FloatArray

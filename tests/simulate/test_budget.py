@@ -13,8 +13,8 @@ import pytest
 from fitting.campaign import bind, read_campaign
 from fitting.campaign.parameters import starts
 from fitting.cli.main import main
-from fitting.fmu import FmuWorkers, read_accuracy_annotation
-from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
+from fitting.fmu.accuracy import AccuracyAnnotation, Reduction, read_accuracy_annotation
+from fitting.fmu.pool import FmuWorkers
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive

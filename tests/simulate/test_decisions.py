@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fitting.fmu import Run, row_times
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
+from fitting.fmu.runs import Run, row_times
 from fitting.simulate.batch import alike
 from fitting.simulate.budget import SHARES, Basis, Decision, Kind
 from fitting.simulate.drive import Drive

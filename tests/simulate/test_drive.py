@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitting.fmu import InputSignal, row_times
+from fitting.fmu.runs import InputSignal, row_times
 from fitting.simulate.drive import Approach, Drive
 
 TONES = (1000.0, 1010.0)

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting.fmu import FmuWorkers, Run
 from fitting.fmu.accuracy import AccuracyAnnotation, Reduction
+from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.runs import Run
 from fitting.simulate.budget import Basis, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import PlanOptions, plan_drives

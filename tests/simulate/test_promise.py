@@ -15,8 +15,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fitting.fmu import FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.pool import FmuWorkers
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import DrivePlan, plan_drives
 from fitting.simulate.probe import knowledge_of

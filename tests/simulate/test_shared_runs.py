@@ -15,7 +15,8 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import Parameter
 from fitting.fit.objective import evaluate_many, make_objective, stencil
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers, read_description
+from fitting.fmu.description import read_description
+from fitting.fmu.pool import FmuWorkers
 from fitting.text.errors import BadInput
 from tests.support import closed_form
 from tests.support.datasets import drafted, through

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.fmu import FmuWorkers
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.fmu.pool import FmuWorkers
 from fitting.simulate.budget import Basis, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import plan_drives

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import fmpy
 
-from fitting.fmu import Run
+from fitting.fmu.runs import Run
 
 SOURCES = Path(__file__).parent / "cfmus"
 REFERENCE = Path(__file__).parent / "reference_fmus"

@@ -11,7 +11,7 @@ from fitting.campaign import BoundCampaign, Drive, Experiment, Setup
 from fitting.campaign.joint import is_shared
 from fitting.fit.problem import problem_of
 from fitting.fmu.accuracy import AccuracyAnnotation
-from fitting.fmu.variables import VariableLike
+from fitting.fmu.description import FmuVariable
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
@@ -120,7 +120,7 @@ def drafted(bound: BoundCampaign) -> Plan:
 def planned_with(
     bound: BoundCampaign,
     workers: Workers,
-    variables: Mapping[str, VariableLike],
+    variables: Mapping[str, FmuVariable],
     own: AccuracyAnnotation | None = None,
 ) -> Plan:
     """The plan of one campaign, measured with its FMU."""

@@ -18,12 +18,12 @@ from fitting.design.information import Place, Series, prior_sigmas_in_box
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.linearisation import information
 from fitting.fit.objective import evaluate_many, jacobian_of, stencil
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.lab.bench import Bench, measure
 from fitting.lab.synthesis import synthesize
 from fitting.lab.writer import campaign_files
 from fitting.text.arrays import FloatArray
-from fitting.text.files import write_all
+from fitting.text.results_folder import write_all
 from tests.support.datasets import linear
 
 STEPS = 30

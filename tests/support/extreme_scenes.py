@@ -23,7 +23,7 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.fit.fit import Status
 from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
 from fitting.report.details import detail_lines
 from fitting.report.summary import result_lines

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitting.fmu import Run, row_times
+from fitting.fmu.runs import Run, row_times
 from fitting.text.arrays import FloatArray, Scalar
 
 #: An output at times (n,) of a run with these start values.

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting.campaign import Drive, Setup
 from fitting.campaign.parameters import Parameter
-from fitting.fmu import Run
+from fitting.fmu.runs import Run
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.plan import Plan
 from fitting.simulate.budget import Budget

@@ -9,7 +9,7 @@ from fitting.fit.fit import Fit, solve_problem, with_path
 from fitting.fit.options import Options
 from fitting.fit.path import Hooks
 from fitting.fit.problem import Problem, plan_problem
-from fitting.fmu import FmuWorkers
+from fitting.fmu.pool import FmuWorkers
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.measurements.measurement import Response
 from fitting.result.assembly import result_of

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from fitting.text.atomic import add_to_file, replace_file
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
-from fitting.text.results_folder import results_folder
+from fitting.text.files import add_to_file, replace_file
+from fitting.text.results_folder import results_folder, write_whole
 
 Refusal = Callable[..., None]
 

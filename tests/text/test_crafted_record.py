@@ -14,10 +14,15 @@ import pytest
 
 from fitting.ensembles import ITEMS_FILE
 from fitting.lab.synthesis import Synthetic
+from fitting.text.checkpoint import Journal
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
-from fitting.text.journal import Journal
-from fitting.text.results_folder import LOCK_NAME, RECORD_NAME, remove_earlier, results_folder
+from fitting.text.results_folder import (
+    LOCK_NAME,
+    RECORD_NAME,
+    remove_earlier,
+    results_folder,
+    write_whole,
+)
 from tests.support.in_process import told
 
 TEXT = "first line\nsecond line\n"

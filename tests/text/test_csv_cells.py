@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fitting.lab import writer
-from fitting.text.csv_cells import csv_line, csv_text
-from fitting.text.tables import read_table, split_line
+from fitting.text.tables import csv_line, csv_text, read_table, split_line
 
 FITTING = Path(__file__).parents[2] / "fitting"
 #: As spreadsheets see them: such a cell is worked out, unless it is a number.
@@ -67,4 +66,4 @@ def test_there_is_one_writer() -> None:
         for path in sorted(FITTING.rglob("*.py"))
         if re.search(r"csv\.writer|DictWriter", path.read_text("utf-8"))
     ]
-    assert others == ["text/csv_cells.py"]
+    assert others == ["text/tables.py"]

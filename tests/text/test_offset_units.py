@@ -12,8 +12,7 @@ from fitting.draft.api import init
 from fitting.measurements.traces.traces import Traces
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.units import convert
-from fitting.text.written import Written, in_unit
+from fitting.text.units import Written, convert, in_unit
 from tests.support.cfmu_build import build_lag_fmu, reworded
 from tests.support.lines import write_csv
 

@@ -13,13 +13,18 @@ from threading import Thread
 import pytest
 
 from fitting.text.errors import BadInput
-from fitting.text.files import write_whole
-from fitting.text.results_folder import LOCK_NAME, RECORD_NAME, remove_earlier, results_folder
+from fitting.text.results_folder import (
+    LOCK_NAME,
+    RECORD_NAME,
+    remove_earlier,
+    results_folder,
+    write_whole,
+)
 
 HOLD = """
 import sys
 from pathlib import Path
-from fitting.text.files import write_whole
+from fitting.text.results_folder import write_whole
 from fitting.text.results_folder import results_folder
 with results_folder(Path(sys.argv[1]), "sweep"):
     write_whole(Path(sys.argv[1]) / "sweep.csv", "theirs")
@@ -174,7 +179,7 @@ def test_killed_while_a_file_is_replaced_both_contents_are_known(
 KILLED_IN_WRITING = """
 import os, signal, sys
 from pathlib import Path
-from fitting.text.files import write_whole
+from fitting.text.results_folder import write_whole
 from fitting.text.results_folder import results_folder
 
 os.fsync = lambda handle: os.kill(os.getpid(), signal.SIGKILL) if armed else None

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from fitting.campaign.file import WrittenCampaign
 from fitting.text.errors import BadInput, gathered
-from fitting.text.keys import (
+from fitting.text.schema import (
     Count,
     FileName,
     Keys,
@@ -29,11 +29,12 @@ from fitting.text.keys import (
     Texts,
     Usually,
     Value,
+    json_schema,
     listed,
+    read_record,
 )
-from fitting.text.schema import json_schema, read_record
 from fitting.text.toml import read_toml
-from fitting.text.written import Written
+from fitting.text.units import Written
 
 PATH = Path("folder/file.toml")
 #: Words of the records below, which complaints hand on.

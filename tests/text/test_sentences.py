@@ -9,7 +9,7 @@ import pytest
 
 from fitting.text import rendering
 from fitting.text.finding import SEVERITIES, Finding, Kind
-from fitting.text.sentences import sentence, warning_sentences
+from fitting.text.rendering import sentence, warning_sentences
 
 ROOT = Path(__file__).resolve().parents[2]
 

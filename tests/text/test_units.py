@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting.text.errors import BadInput
-from fitting.text.frequency import hertz_of
+from fitting.text.tables import hertz_of
 from fitting.text.units import (
     COMMON,
     convert,

@@ -16,9 +16,9 @@ from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.files import read_head
 from fitting.text.finding import Finding
-from fitting.text.keys import Keys, Text
 from fitting.text.notation import how_many
 from fitting.text.once import made_once
+from fitting.text.schema import Keys, Text
 from fitting.text.tables import (
     Column,
     Table,

@@ -19,8 +19,7 @@ from fmpy.fmi2 import fmi2EventInfo
 from scipy.integrate import DOP853, LSODA
 
 from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
-from fitting.fmu.run_requests import Group
-from fitting.fmu.runs import Tone
+from fitting.fmu.runs import Group, Tone
 from fitting.fmu.worker.instance import FmuInstance, FmuInstance2, FmuInstance3, VariableAccess
 from fitting.fmu.worker.linear_equations import TURN, LinearEquations, linear_equations
 from fitting.fmu.worker.log import CallFailed, Log

@@ -25,8 +25,7 @@ from fmpy.fmi2 import (
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 from fitting.fmu.description import FmuDescription
-from fitting.fmu.run_requests import Group
-from fitting.fmu.runs import Tone
+from fitting.fmu.runs import Group, Tone
 from fitting.fmu.worker.log import CallFailed, Log, label
 from fitting.text.arrays import Scalar
 

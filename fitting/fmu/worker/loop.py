@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting.engine.process import end_marked, messages
-from fitting.fmu.run_requests import Layout, RunRequest
-from fitting.fmu.runs import Counts
+from fitting.fmu.runs import Counts, Layout, RunRequest
 from fitting.fmu.worker.confinement import allow_processor_time, confine, most_memory
 from fitting.fmu.worker.instance import FmuInstance, load
 from fitting.fmu.worker.log import CallFailed, Log

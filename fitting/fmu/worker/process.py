@@ -14,10 +14,9 @@ from pathlib import Path
 from time import sleep
 from typing import IO, cast
 
-from fitting.engine.printed import Printed
-from fitting.engine.process import end, goes_on, start
+from fitting.engine.process import Printed, end, goes_on, start
 from fitting.fmu.isolation import MB
-from fitting.fmu.run_requests import Layout, RunRequest
+from fitting.fmu.runs import Layout, RunRequest
 from fitting.fmu.worker.messages import MOST_OTHERS, Incoming, NotAnAnswer, Reply, Task
 from fitting.fmu.worker.pulse import (
     AT_RUN,

@@ -21,7 +21,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fitting.fmu.run_requests import RunRequest
+from fitting.fmu.runs import RunRequest
 from fitting.fmu.worker.log import CallFailed
 from fitting.text.arrays import FloatArray
 

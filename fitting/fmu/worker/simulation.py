@@ -10,8 +10,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.fmu.run_requests import Layout, RunRequest
-from fitting.fmu.runs import SampledSignal, Segment, Tone, communication_steps, parts, row_times
+from fitting.fmu.runs import (
+    Layout,
+    RunRequest,
+    SampledSignal,
+    Segment,
+    Tone,
+    communication_steps,
+    parts,
+    row_times,
+)
 from fitting.fmu.worker.instance import WARNING, FmuInstance, VariableAccess
 from fitting.fmu.worker.log import CallFailed
 from fitting.signal.tones import cycle_fraction

@@ -18,12 +18,12 @@ from fitting.text.estimate import (
     Estimate,
     FittedEstimate,
     OffsetEstimate,
-    OldNames,
     OutputEstimate,
     ParameterEstimate,
 )
 from fitting.text.finding import Finding
 from fitting.text.notation import number
+from fitting.text.old_names import OldNames
 from fitting.text.rendering import phrase
 
 Floats = tuple[float, ...]

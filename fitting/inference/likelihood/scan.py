@@ -50,7 +50,7 @@ from fitting.inference.likelihood.profile import (
 )
 from fitting.signal.student import ROOT_68, reach
 from fitting.text.arrays import FloatArray, IntArray
-from fitting.text.error_bars import ROOT_95
+from fitting.text.estimate import ROOT_95
 
 #: Disagreement of chi square, or of an output, with its linearised prediction that is none.
 AGREES = 0.05

@@ -9,7 +9,7 @@ import fitting as ff
 from fitting.extension.records import Campaign
 from fitting.fmu.accuracy import AccuracyAnnotation, read_accuracy_annotation
 from fitting.lab.tradeoff.records import PLAN, Setting
-from fitting.text.written import written_values
+from fitting.text.units import written_values
 
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)
 QUICK_ACCURACIES = (1e-2, 1e-4)

@@ -16,11 +16,17 @@ from fitting.measurements.record import Curve, Record
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.signal.roughness import roughness
 from fitting.text.arguments import checked
-from fitting.text.arrays import ComplexArray, FloatArray, both_parts
+from fitting.text.arrays import (
+    ComplexArray,
+    FloatArray,
+    as_numbers,
+    as_values,
+    both_parts,
+    require_size,
+)
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
 from fitting.text.notation import hertz
-from fitting.text.numbers import as_numbers, as_values, require_size
 
 #: Line widths that a sweep has to span for a delay to be told from the phase of the line itself.
 WIDTHS_FOR_DELAY = 3.0

@@ -38,11 +38,10 @@ from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.frequency import hertz_of
-from fitting.text.keys import Keys, OneOf, Refused, Switch, Text, Value, refusing
 from fitting.text.notation import prefixed
-from fitting.text.units import convert, parse_quantity
-from fitting.text.written import in_unit
+from fitting.text.schema import Keys, OneOf, Refused, Switch, Text, Value, refusing
+from fitting.text.tables import hertz_of
+from fitting.text.units import convert, in_unit, parse_quantity
 
 #: A sweep is told to count phases the wrong way, or to have another unit of phase, only where one
 #: mode describes it that well the other way: root mean square over that of the data.

@@ -10,13 +10,13 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import LayoutKeys
 from fitting.campaign.instruments import LAYOUTS, Recording, Selection
-from fitting.fmu.variables import READABLE
+from fitting.fmu.description import READABLE
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.keys import ComplexKeys, complex_of, read_complex
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.control.keys import ControlPlace, ControlTable
 from fitting.measurements.record_table import StatedTable
-from fitting.text.keys import FileName, OneOf, Text
+from fitting.text.schema import FileName, OneOf, Text
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,10 +19,10 @@ from fitting.campaign.kind import MeasurementTable
 from fitting.measurements.measurement import Measurement
 from fitting.text.arrays import BoolArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
-from fitting.text.keys import FileName, Frequencies, Refused, Texts, Usually, refusing
 from fitting.text.notation import hertz, how_many
+from fitting.text.schema import FileName, Frequencies, Refused, Texts, Usually, refusing
 from fitting.text.tables import Table, named_column
-from fitting.text.written import Written, in_unit
+from fitting.text.units import Written, in_unit
 
 #: Column that names the file of each spectrum.
 FILE = "file"

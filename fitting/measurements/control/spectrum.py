@@ -14,10 +14,9 @@ from fitting.measurements.record import Curve
 from fitting.signal.rician import quadrature_noise
 from fitting.signal.roughness import roughness
 from fitting.text.arguments import checked
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import FloatArray, Scalar, as_numbers, require_size
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
-from fitting.text.numbers import as_numbers, require_size
 
 
 @checked

@@ -13,7 +13,7 @@ from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import LAYOUTS, Channel, Recording, Selection, read_trace, unit_of
 from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
-from fitting.fmu.variables import READABLE
+from fitting.fmu.description import READABLE
 from fitting.measurements.clipped import cut_off
 from fitting.measurements.control.keys import ControlPlace, ControlTable
 from fitting.measurements.control.scales import SCALES
@@ -23,8 +23,7 @@ from fitting.signal.amplitudes import Amplitude, declared_amplitude, to_peak
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput, gathered
 from fitting.text.formula import Formula
-from fitting.text.frequency import hertz_of
-from fitting.text.keys import (
+from fitting.text.schema import (
     FileName,
     Keys,
     Missing,
@@ -36,7 +35,8 @@ from fitting.text.keys import (
     Value,
     refusing,
 )
-from fitting.text.written import sigma_in
+from fitting.text.tables import hertz_of
+from fitting.text.units import sigma_in
 
 #: A line is looked for so far from its harmonic, in fundamentals: odd ones are two apart.
 REACH = 0.8

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.fmu import SampledSignal
+from fitting.fmu.runs import SampledSignal
 from fitting.lines.decay_begin import decay_start
 from fitting.measurements.residual_curve import ResidualCurve
 from fitting.measurements.traces.record import SHIFTS

@@ -14,9 +14,8 @@ from fitting.measurements.record_table import TimeTable
 from fitting.signal.time_grid import spacing_s
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.keys import Count, FileName, Keys, Missing, Refused, Switch, Text, Value
-from fitting.text.units import convert
-from fitting.text.written import in_unit, sigma_in
+from fitting.text.schema import Count, FileName, Keys, Missing, Refused, Switch, Text, Value
+from fitting.text.units import convert, in_unit, sigma_in
 
 #: Amplitudes in these are levels, 20 to a factor of ten, of a reference that a decay does not need.
 LEVELS = ("dB", "dBm", "dBV", "dBuV", "dBu", "dBc", "dBFS")

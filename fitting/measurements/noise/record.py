@@ -13,10 +13,9 @@ from scipy.special import digamma, gammaincinv, polygamma
 
 from fitting.measurements.record import Curve, Record
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray, as_numbers, require_size
 from fitting.text.errors import BadInput, NoScale
 from fitting.text.finding import Kind
-from fitting.text.numbers import as_numbers, require_size
 
 WHITE, THERMAL, COLOURED = FORCES = ("white", "thermal", "coloured")
 TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}

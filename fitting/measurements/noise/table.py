@@ -27,7 +27,7 @@ from fitting.measurements.noise.record import (
 from fitting.measurements.noise.spectra import NoiseSpectra
 from fitting.measurements.record_table import RecordTable
 from fitting.text.errors import BadInput
-from fitting.text.keys import (
+from fitting.text.schema import (
     FileName,
     Keys,
     Missing,
@@ -38,8 +38,7 @@ from fitting.text.keys import (
     Text,
     Value,
 )
-from fitting.text.units import convert, same_kind
-from fitting.text.written import above_zero
+from fitting.text.units import above_zero, convert, same_kind
 
 #: What a campaign may state of the resonator: by key the field of a record, and its unit.
 STATED = {

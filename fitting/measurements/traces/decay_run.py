@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 
-from fitting.fmu import Segment
+from fitting.fmu.runs import Segment
 from fitting.measurements.traces.step_plan import StepPlan
 from fitting.measurements.traces.time_record import TimeRecord
 from fitting.signal.free_decay import FewSamples, rebuilt

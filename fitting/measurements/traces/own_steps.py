@@ -26,7 +26,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.fmu import SampledSignal
+from fitting.fmu.runs import SampledSignal
 from fitting.signal.window import Window
 from fitting.text.arrays import BoolArray, FloatArray
 

@@ -9,16 +9,15 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from fitting.fmu import SampledSignal
+from fitting.fmu.runs import SampledSignal
 from fitting.lines.decay_begin import decay_start
 from fitting.measurements.residual_curve import ResidualCurve, mistakes
 from fitting.measurements.traces.own_steps import LOOKED, Look
 from fitting.measurements.traces.time_record import FIRST, TimeRecord
 from fitting.measurements.traces.waveform import LINEAR, Recorded, Waveform
 from fitting.signal.window import Window
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import ComplexArray, FloatArray, as_numbers
 from fitting.text.errors import BadInput
-from fitting.text.numbers import as_numbers
 
 ONE, FIT = GAINS = ("one", "fit")
 REST, UNKNOWN = STARTS = ("rest", "unknown")

@@ -12,7 +12,7 @@ import numpy as np
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
-from fitting.fmu.variables import VariableLike
+from fitting.fmu.description import FmuVariable
 from fitting.measurements.record_table import TimeTable
 from fitting.measurements.traces.record import (
     FIT,
@@ -30,7 +30,7 @@ from fitting.signal.time_grid import spacing_s
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, note
-from fitting.text.keys import (
+from fitting.text.schema import (
     Count,
     FileName,
     Keys,
@@ -42,8 +42,7 @@ from fitting.text.keys import (
     Usually,
     Value,
 )
-from fitting.text.units import convert
-from fitting.text.written import Written, in_unit, sigma_in
+from fitting.text.units import Written, convert, in_unit, sigma_in
 
 STEP, PULSE, CHIRP = SIGNALS = ("step", "pulse", "chirp")
 #: States that decay after an unknown start, where nothing is written: one mode.
@@ -290,7 +289,7 @@ class ReadTrace:
 
 
 def _on_clock(
-    time: ReadColumn, binder: Binder, driver: VariableLike, column: ReadColumn
+    time: ReadColumn, binder: Binder, driver: FmuVariable, column: ReadColumn
 ) -> tuple[FloatArray, FloatArray]:
     """Times, and values of a column in the unit of its input."""
     if not column.unit:

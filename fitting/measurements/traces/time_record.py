@@ -8,14 +8,20 @@ from dataclasses import KW_ONLY, dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from fitting.fmu import SampledSignal
+from fitting.fmu.runs import SampledSignal
 from fitting.measurements.record import Record
 from fitting.measurements.traces.own_steps import LOOKED, Look
 from fitting.signal.time_grid import refuse_clipped, spacing_s
 from fitting.signal.window import Window
-from fitting.text.arrays import ComplexArray, FloatArray, IntArray
+from fitting.text.arrays import (
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    as_numbers,
+    as_values,
+    require_size,
+)
 from fitting.text.errors import BadInput
-from fitting.text.numbers import as_numbers, as_values, require_size
 
 FIRST, FOUND = BEGINS = ("first", "found")
 

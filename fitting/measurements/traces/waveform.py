@@ -18,9 +18,8 @@ from typing import Protocol
 
 import numpy as np
 
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, as_numbers
 from fitting.text.errors import BadInput
-from fitting.text.numbers import as_numbers
 
 HELD, LINEAR = INTERPOLATIONS = ("held", "linear")
 #: Nodes of the quadrature that takes the mean of a chirp over a step.

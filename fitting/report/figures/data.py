@@ -14,8 +14,8 @@ from matplotlib.collections import LineCollection, PathCollection, QuadMesh
 from matplotlib.figure import Figure
 
 from fitting.text.arrays import FloatArray
-from fitting.text.csv_cells import csv_text
 from fitting.text.notation import index
+from fitting.text.tables import csv_text
 
 #: Where the values of cells were taken, (n, 2): a mesh itself knows their edges alone.
 PLACES: WeakKeyDictionary[QuadMesh, FloatArray] = WeakKeyDictionary()

@@ -30,7 +30,7 @@ from fitting.report.figures.tones import (
 )
 from fitting.report.shown import ShownCampaign, shares_of
 from fitting.result.result import Result
-from fitting.text.files import write_whole
+from fitting.text.results_folder import write_whole
 
 FOLDER = "figures"
 SPECTRA, PHASES, RESPONSE = "spectra", "phases", "frequency_response"

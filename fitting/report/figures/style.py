@@ -31,8 +31,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from fitting.measurements.figure import Figure as Described
 from fitting.report.figures.data import figure_csv
 from fitting.report.screen import phrase
-from fitting.text.files import write_whole
 from fitting.text.notation import on_log_axis
+from fitting.text.results_folder import write_whole
 
 BLACK, GREY, PALE = "#000000", "#6e6e6e", "#d9d9d9"
 ORANGE, BLUE, RED, GREEN, PURPLE = "#e69f00", "#0072b2", "#d55e00", "#009e73", "#cc79a7"

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fitting.signal.misfit import TESTABLE
-from fitting.text.error_bars import ROOT_95, error_bars
+from fitting.text.estimate import ROOT_95, error_bars
 from tests.support.hidden.laboratory import Laboratory, Values
 from tests.support.in_process import told
 
