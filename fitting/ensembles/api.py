@@ -25,8 +25,8 @@ from fitting.extension.fmu import NeededFile, Where, opened, provide_fmu, run
 from fitting.extension.problem import known_values, require_values
 from fitting.extension.records import WrittenFmu
 from fitting.lab.writer import CAMPAIGN_NAME
-from fitting.text.checkpoint import Journal
 from fitting.text.errors import BadInput
+from fitting.text.journal import Journal
 from fitting.text.old_names import renamed
 from fitting.text.records import to_plain, write_json
 from fitting.text.results_folder import remove_earlier, results_folder, write_whole

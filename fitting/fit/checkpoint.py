@@ -1,28 +1,45 @@
 """Finished levels on disk, so that a reconstruction goes on where it was stopped.
 
 A level depends on the end of the one before and on nothing else, so a resumed run ends bit for bit
-where an uninterrupted one does.
+where an uninterrupted one does. They are one JSON file, replaced atomically: kill -9 at any moment
+loses the level that was running, and nothing else.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fitting.fit.path import PathLevel
-from fitting.text import checkpoint
+from fitting.text.errors import BadInput
+from fitting.text.journal import OTHER_JOB
+from fitting.text.records import from_plain, read_json, write_json
 
 NAME = "checkpoint.json"
 
 
-def _place(level: PathLevel) -> tuple[str, int, int]:
-    return level.kind, level.alternative, level.level
+@dataclass(frozen=True)
+class _Saved:
+    """Content of the file: `job` identifies everything that a finished level depends on."""
+
+    job: str
+    finished: tuple[Any, ...]
 
 
-class Checkpoint(checkpoint.Checkpoint[PathLevel]):
-    """Finished levels of one job, in memory and in `folder`/checkpoint.json."""
+class Checkpoint:
+    """Finished levels of one job, in memory and in `folder`/checkpoint.json.
 
-    def __init__(self, folder: Path, job: str) -> None:
-        super().__init__(folder / NAME, job, PathLevel, _place)
+    Args:
+        folder: where the file is; one that is there stays until the first level is recorded.
+        job: fingerprint of everything that a level depends on.
+        levels: that have ended already.
+    """
+
+    def __init__(self, folder: Path, job: str, levels: Iterable[PathLevel] = ()) -> None:
+        self.path, self.job = folder / NAME, job
+        self._levels = {(each.kind, each.alternative, each.level): each for each in levels}
 
     def recall(self, kind: str, alternative: int, level: int) -> PathLevel | None:
         """The finished level of that place, None if there is none.
@@ -32,7 +49,32 @@ class Checkpoint(checkpoint.Checkpoint[PathLevel]):
             alternative: its number.
             level: of ν, from 0.
         """
-        return self.find((kind, alternative, level))
+        return self._levels.get((kind, alternative, level))
+
+    def record(self, level: PathLevel) -> None:
+        """Add a finished level, and replace the file.
+
+        Args:
+            level: that has ended.
+
+        Raises:
+            BadInput: the file cannot be written.
+        """
+        self._levels[level.kind, level.alternative, level.level] = level
+        write_json(self.path, _Saved(self.job, tuple(self._levels.values())))
+
+    def remove(self) -> None:
+        """Delete the file: the job is done."""
+        self.path.unlink(missing_ok=True)
+
+    def resumed(self) -> str:
+        """What --resume found, a sentence: so many levels, or no file."""
+        if self._levels or self.path.exists():
+            return f"{len(self)} finished levels found in {self.path}"
+        return f"--resume: {self.path} is not there, nothing to go on from: starting anew"
+
+    def __len__(self) -> int:
+        return len(self._levels)
 
 
 def resume(folder: Path, job: str) -> Checkpoint:
@@ -45,6 +87,14 @@ def resume(folder: Path, job: str) -> Checkpoint:
     Raises:
         BadInput: the file is of another job, or is no checkpoint.
     """
-    kept = Checkpoint(folder, job)
-    kept.resume()
-    return kept
+    path = folder / NAME
+    if not path.exists():
+        return Checkpoint(folder, job)
+    saved = read_json(path, _Saved)
+    if saved.job != job:
+        raise BadInput(f"{path}: {OTHER_JOB}")
+    levels = [
+        from_plain(PathLevel, plain, f"{path}: finished[{place}]")
+        for place, plain in enumerate(saved.finished)
+    ]
+    return Checkpoint(folder, job, levels)

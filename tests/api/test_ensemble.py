@@ -18,7 +18,7 @@ import fitting as ff
 from fitting.ensembles import ITEMS_FILE
 from fitting.ensembles.api import Progress
 from fitting.ensembles.report import csv_of, document, markdown
-from fitting.text.checkpoint import Journal
+from fitting.text.journal import Journal
 from fitting.text.records import json_text
 from fitting.text.results_folder import open_folder_of, results_folder
 from tests.support.clusters import cluster_of_two

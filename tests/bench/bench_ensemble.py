@@ -27,7 +27,7 @@ import fitting as ff
 from fitting.engine.local import LocalProcesses
 from fitting.engine.run import opened, run
 from fitting.ensembles.api import Progress
-from fitting.text.checkpoint import Journal
+from fitting.text.journal import Journal
 from tests.support import work
 from tests.support.work import Piece
 

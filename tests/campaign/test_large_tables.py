@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fitting.campaign.instruments.loose_tables import find_table
 from fitting.campaign.recognised import recognised
 from fitting.cli.running import progress
 from fitting.text.errors import BadInput
-from fitting.text.loose_tables import find_table
 from fitting.text.tables import hertz_of
 from tests.support.in_process import told
 from tests.support.lines import write_csv

@@ -137,8 +137,17 @@ def test_checkpoints(tmp_path: Path) -> None:
     assert again.recall(GLOBAL, 0, 2) is None
     with pytest.raises(BadInput, match=checkpoint.NAME.replace(".", r"\.")):
         checkpoint.resume(tmp_path, "job two")
+    again.record(replace(STEP, runs=1))  # a later one of a place counts
+    assert checkpoint.resume(tmp_path, "job one").recall(PATH, 0, 2) == replace(STEP, runs=1)
+    path = tmp_path / checkpoint.NAME
+    assert again.resumed().startswith("2 ")
+    assert again.resumed().endswith(f" {path}")
     again.remove()
     assert len(checkpoint.resume(tmp_path, "job two")) == 0
+    assert str(path) in checkpoint.resume(tmp_path, "job two").resumed()
+    path.write_text('{"job": "one", "finished": [{"kind": "a"}]}')
+    with pytest.raises(BadInput, match=r"finished\[0\]: .*'level'"):
+        checkpoint.resume(tmp_path, "one")
 
 
 def test_a_checkpoint_is_whole_at_any_moment(tmp_path: Path) -> None:

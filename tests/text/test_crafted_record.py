@@ -14,8 +14,8 @@ import pytest
 
 from fitting.ensembles import ITEMS_FILE
 from fitting.lab.synthesis import Synthetic
-from fitting.text.checkpoint import Journal
 from fitting.text.errors import BadInput
+from fitting.text.journal import Journal
 from fitting.text.results_folder import (
     LOCK_NAME,
     RECORD_NAME,

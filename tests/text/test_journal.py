@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from fitting.text.checkpoint import Journal
 from fitting.text.errors import BadInput
+from fitting.text.journal import Journal
 from fitting.text.results_folder import results_folder
 
 NAMES = ("items.jsonl",)

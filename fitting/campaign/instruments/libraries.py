@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from fitting.campaign.instruments.loose_tables import suffixed_unit
 from fitting.campaign.instruments.recording import (
     MIN_POINTS,
     Channel,
@@ -34,7 +35,6 @@ from fitting.campaign.instruments.recording import (
 from fitting.campaign.instruments.roles import FREQUENCY, TIME, plain_name
 from fitting.text.errors import BadInput, SeveralSweeps
 from fitting.text.files import read_head
-from fitting.text.loose_tables import suffixed_unit
 from fitting.text.notation import how_many
 from fitting.text.tables import named_column, read_text
 from fitting.text.units import same_kind

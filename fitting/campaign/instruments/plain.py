@@ -23,10 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments.recording import Layout, Recording, Selection, of_table
-from fitting.campaign.instruments.roles import FREQUENCY
-from fitting.text.errors import BadInput, shown
-from fitting.text.loose_tables import (
+from fitting.campaign.instruments.loose_tables import (
     COMMENTS,
     ENDS,
     UNITS,
@@ -41,6 +38,9 @@ from fitting.text.loose_tables import (
     with_declared_units,
     words_of,
 )
+from fitting.campaign.instruments.recording import Layout, Recording, Selection, of_table
+from fitting.campaign.instruments.roles import FREQUENCY
+from fitting.text.errors import BadInput, shown
 from fitting.text.notation import how_many
 from fitting.text.tables import Column, Table, named_column, parse_number, parse_table, read_text
 from fitting.text.units import is_frequency, same_kind

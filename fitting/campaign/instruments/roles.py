@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitting.campaign.instruments.loose_tables import suffixed_unit
 from fitting.campaign.instruments.recording import Channel, RawTrace, Recording, Selection, unit_of
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, left_out
-from fitting.text.loose_tables import suffixed_unit
 from fitting.text.units import COMMON, convert, is_frequency, same_kind
 
 #: Usual names of columns, small letters; the first that is there is taken.

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting.campaign.instruments.loose_tables import UNITS, cells_of, is_number
 from fitting.campaign.instruments.recording import (
     Channel,
     Head,
@@ -28,7 +29,6 @@ from fitting.campaign.instruments.recording import (
 from fitting.campaign.instruments.roles import TIME, usual
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, SeveralSweeps
-from fitting.text.loose_tables import UNITS, cells_of, is_number
 from fitting.text.notation import how_many
 from fitting.text.tables import (
     parse_number,

@@ -113,7 +113,7 @@ def _job(
     options = search_options(problem, method, _starts(args), args.seed)
     memory = kept_levels(out, problem, options, _command(args), resume=args.resume)
     if args.resume:
-        print(memory.resumed("levels"))
+        print(memory.resumed())
     expected = expected_of(
         problem,
         method,

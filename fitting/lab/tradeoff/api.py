@@ -23,8 +23,8 @@ from fitting.lab.tradeoff import FILES, ROWS_NAME
 from fitting.lab.tradeoff.records import Row, Study
 from fitting.lab.tradeoff.report import csv_of, markdown
 from fitting.lab.tradeoff.study import StudyOptions, run_study
-from fitting.text.checkpoint import Journal
 from fitting.text.errors import BadInput
+from fitting.text.journal import Journal
 from fitting.text.results_folder import remove_earlier, results_folder, write_whole
 from fitting.text.scratch import Scratch
 

@@ -21,8 +21,8 @@ from fitting.lab.tradeoff.settings import (
 )
 from fitting.simulate.probe import processor_s
 from fitting.text.arrays import FloatArray
-from fitting.text.checkpoint import Journal
 from fitting.text.errors import BadInput, FmuFailure
+from fitting.text.journal import Journal
 
 #: Evaluations that are timed at least and at most, and the processor time from which no more, s.
 LEAST_TIMED, MOST_TIMED, TIMED_S = 3, 25, 1.0
