@@ -71,55 +71,40 @@ def bind(campaign: Campaign, variables: Mapping[str, FmuVariable]) -> BoundCampa
         BadInput: unknown variable, one that cannot be set, read or fitted, a unit or kind that does
             not match, a value outside the FMU's range, a variable set in two ways; a line each.
     """
-    file, top = campaign.file, str(campaign.path)
+    file, top, swept = campaign.file, str(campaign.path), campaign.file.sweep
     stated = Complaints()  # of every table by itself, then of what rests on several
-    laws, output, drive = Laws(), None, None
-    with stated:
-        laws = Laws(file.laws, file.constants, source=f"{top}: [laws]")
-    swept = file.sweep.set if file.sweep is not None else {}
+    laws = stated.read(Laws, file.laws, file.constants, source=f"{top}: [laws]")
     # what columns set, each where it is first written
     columns = {k: w for e in reversed(campaign.experiments) for k, w in e.written.items()}
     columns = {k: columns[k] for e in campaign.experiments for k in e.written}
-    named = laws.names
     if stated.lines:  # laws that cannot be read may mean whatever no variable is called
         words = (word for law in file.laws.values() for word in re.findall(r"[A-Za-z_]\w*", law))
-        named = frozenset([*(p.name for p in file.parameters), *swept, *columns, *words])
+        fitted = (p.name for p in file.parameters)
+        named = frozenset([*fitted, *(swept.set if swept else ()), *columns, *words])
+    else:
+        named = laws.names
     binder = Binder(variables, named, f"{top}: ")
-    with stated:
-        where = f"{top}: [observe] output"
-        output = binder.real(file.observe.output, where, READABLE, "observed")
-        campaign = _in_unit_of_output(campaign, output, binder)
-    with stated:
-        drive = _bind_drive(file.drive, binder, f"{top}: [drive]")
-    with stated:
-        drift = bind_drift(campaign, binder)
-    with stated:
-        noise = bind_noise(campaign)
-    with stated:
-        binder.settings(columns)
-    with stated:
-        where = f"{top}: [derived] outputs"
-        gathered(partial(binder.reported, n, where, file.laws) for n in file.derived.outputs)
-    with stated:
-        start_values = binder.settings(file.fmu.start)
-    with stated:
-        annotation = _bind_annotation(file.accuracy, binder, f"{top}: [accuracy]")
-    with stated:
-        settings = binder.settings(swept)
-    with stated:
-        sigmas = bind_sigmas({} if file.sweep is None else file.sweep.set_sigma, binder)
-    with stated:
-        parameters = bind_parameters(file.parameters, binder)
-    with stated:
-        alternatives = bind_alternatives(file.alternatives, binder)
-    with stated:
-        place = f"{top}: [fmu] taken"
-        kept = gathered(partial(binder.real, n, place, SETTABLE, "set") for n in file.fmu.taken)
-        taken = {variable.name: variable.unit or "1" for variable in kept}
-    if output is None or drive is None:
+    where, read = f"{top}: [observe] output", stated.read
+    output = read(binder.real, file.observe.output, where, READABLE, "observed")
+    if output:
+        campaign = read(_in_unit_of_output, campaign, output, binder) or campaign
+    drive = read(_bind_drive, file.drive, binder, f"{top}: [drive]")
+    drift = read(bind_drift, campaign, binder)
+    noise = read(bind_noise, campaign)
+    read(binder.settings, columns)
+    where = f"{top}: [derived] outputs"
+    read(gathered, (partial(binder.reported, n, where, file.laws) for n in file.derived.outputs))
+    start_values = read(binder.settings, file.fmu.start)
+    annotation = read(_bind_annotation, file.accuracy, binder, f"{top}: [accuracy]")
+    settings = read(binder.settings, swept.set if swept else {})
+    sigmas = read(bind_sigmas, swept.set_sigma if swept else {}, binder)
+    parameters = read(bind_parameters, file.parameters, binder)
+    alternatives = read(bind_alternatives, file.alternatives, binder)
+    where = f"{top}: [fmu] taken"
+    kept = read(gathered, (partial(binder.real, n, where, SETTABLE, "set") for n in file.fmu.taken))
+    if not output or not drive:  # nothing else can be bound without them
         stated.check()
-        raise AssertionError  # pragma: no cover - one of them has complained
-    setup = Setup(drive=drive, output=output.name, laws=laws, source=top)
+    setup = Setup(drive=drive, output=output.name, laws=laws or Laws(), source=top)
     if not stated.lines:
         accuracy = file.accuracy.amplitude
         setup = replace(
@@ -131,9 +116,8 @@ def bind(campaign: Campaign, variables: Mapping[str, FmuVariable]) -> BoundCampa
             annotation=annotation,
         )
         experiments = _bind_experiments(campaign, binder, drive, drift, output)
-    with stated:
-        readers = (partial(m.bind, binder, setup) for m in campaign.measurements.values())
-        further = dict(zip(campaign.measurements, gathered(readers), strict=True))
+    readers = [partial(m.bind, binder, setup) for m in campaign.measurements.values()]
+    made = read(gathered, readers)
     stated.check()
     bound = BoundCampaign(
         **{of.name: getattr(file, of.name) for of in fields(CampaignHead)},
@@ -148,8 +132,8 @@ def bind(campaign: Campaign, variables: Mapping[str, FmuVariable]) -> BoundCampa
         files=campaign.files,
         drift=drift,
         noise=noise,
-        measurements=further,
-        taken=taken,
+        measurements=dict(zip(campaign.measurements, made, strict=True)),
+        taken={variable.name: variable.unit or "1" for variable in kept},
     )
     bound = completed(bound, binder, parameters, drift_priors(campaign, binder, drift))
     return with_assumptions(bound, file.assumptions, binder)

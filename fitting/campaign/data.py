@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -232,36 +233,59 @@ def _read_experiments(
                 f"{table.path}: no experiment '{label}', which [experiments] restarted "
                 f"names{did_you_mean(label, labels)}"
             )
-    _check_phases(table, written)
+    ready = {} if written.spectra is not None else _ready_peaks(table, written)
+    read = partial(_experiment, file, written, folder, table, ready)
     rows = enumerate(zip(labels, tones_hz.tolist(), strict=True))
-    return tuple(
-        gathered(
-            partial(_experiment, file, written, folder, table, i, label, tuple(own))
-            for i, (label, own) in rows
-        )
-    )
+    return tuple(gathered(partial(read, i, label, tuple(own)) for i, (label, own) in rows))
 
 
-def _check_phases(table: Table, written: WrittenExperiments) -> None:
-    """Refuse columns of phases as a whole: all in another unit, or filled with one number."""
-    columns = [table.column(name) for name in written.phases]
-    try:
-        phases = np.array([table.numbers(column) for column in columns])
-    except BadInput:
-        return  # every row complains of its own cells
-    for column, values in zip(columns, phases, strict=True):
+def _ready_peaks(table: Table, written: WrittenExperiments) -> dict[str, FloatArray]:
+    """Peaks that are columns of a table, (m, l) each, by the fields of an experiment."""
+    path, rows = table.path, [f"row {n}" for n in table.lines]
+
+    def read(names: Sequence[str], example: str, reader: Callable[..., FloatArray]) -> FloatArray:
+        """Columns, (m, l), or one error for each that has any."""
+        columns = [table.column(name) for name in names]
+        units = [unit_of(table, c, f"{c.name} ({example})") for c in columns]
+        values = gathered(map(partial, itertools.repeat(reader), columns, units))
+        return np.array(values, dtype=float).reshape(len(names), len(rows)).T
+
+    def amplitudes(column: Column, unit: str) -> FloatArray:
+        """Peak amplitudes, in the declared unit; a part of complex values has a sign."""
+        values, is_part = table.numbers(column), column.name in (*written.x, *written.y)
+        sizes = np.abs(values) if is_part else values
+        peaks = to_peak(sizes, unit, written.detector, str(path), rows, column.name)
+        return np.copysign(peaks, values) if is_part else peaks
+
+    def radians(column: Column, unit: str) -> FloatArray:
+        values = table.numbers(column)
         beyond = np.flatnonzero(np.abs(values) > 2.0 * np.pi)
-        if column.unit == "rad" and beyond.size:
+        if unit == "rad" and beyond.size:
             raise BadInput(
-                f"{table.path}: row {table.lines[beyond[0]]}, column '{column.name}': found "
-                f"{values[beyond[0]]:.6g} rad, in {beyond.size} of {values.size} rows more than a "
-                "turn; wanted phases within one turn, 2 pi, or the unit deg"
+                f"{path}: {rows[beyond[0]]}, column '{column.name}': found {values[beyond[0]]:.6g} "
+                f"rad, in {beyond.size} of {values.size} rows more than a turn; wanted phases "
+                "within one turn, 2 pi, or the unit deg"
             )
+        where = f"{path}: column '{column.name}'"
+        return np.array([convert(float(value), unit, "rad", where=where) for value in values])
+
+    names = written.x or written.peaks
+    peaks, phases = read(names, "uV", amplitudes), read(written.phases, "deg", radians)
     if phases.size > 2 and np.ptp(phases) == 0.0:
+        column = table.column(written.phases[0])
         raise BadInput(
-            f"{table.path}: column '{columns[0].name}': the phase is {phases.flat[0]:.6g} "
-            f"{columns[0].unit} of every line; wanted values that change over a resonance"
+            f"{path}: column '{column.name}': the phase is {table.numbers(column)[0]:.6g} "
+            f"{column.unit} of every line; wanted values that change over a resonance"
         )
+    if written.x:
+        values = peaks + 1j * read(written.y, "uV", amplitudes)
+        peaks, phases = np.abs(values), np.angle(values)
+    for i, k in np.argwhere(peaks <= 0.0):
+        raise BadInput(
+            f"{path}: {rows[i]}, column '{names[k]}': the peak is zero; wanted a positive amplitude"
+        )
+    made = {"peaks_v": peaks, "sigmas_v": read(written.peak_sigmas, "uV", amplitudes)}
+    return made | ({"phases_rad": -phases if written.conjugate else phases} if phases.size else {})
 
 
 def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
@@ -269,24 +293,19 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
     written: WrittenExperiments,
     folder: Path,
     table: Table,
+    ready: Mapping[str, FloatArray],
     i: int,
     label: str,
     tones_hz: tuple[float, ...],
 ) -> Experiment:
     """The experiment of one row, with its spectrum or its ready peaks."""
-    path, row, drive = table.path, f"row {table.lines[i]}", file.driven
-    detector = written.detector
-
-    def place(name: str) -> str:
-        return f"{path}: {row}, column '{name}'"
-
-    def number(name: str) -> float:
-        text = table.cells[i][table.column(name).index]
-        return parse_number(text, place(name), decimal_comma=table.decimal_comma)
+    path, row, detector = table.path, f"row {table.lines[i]}", written.detector
+    drive, time = file.driven, file.drift.time
 
     def setting(column: Column, *, is_stamp: bool = False) -> Written:
         """A cell as a Boolean, a text, a whole number or a number; a stamp may be an ISO date."""
         text, unit = table.cells[i][column.index], column.unit
+        where = f"{path}: {row}, column '{column.name}'"
         value: Scalar = text
         numeric = not text or text[0] in "+-.0123456789" or text.lower() in ("nan", "inf")
         if text.lower() in ("true", "false") and not is_stamp:
@@ -294,26 +313,13 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
         elif unit is not None or (
             not any(mark in text for mark in "-:T") if is_stamp else numeric
         ):  # else a String variable's value, a quantity, or a date
-            value = number(column.name)
+            value = parse_number(text, where, decimal_comma=table.decimal_comma)
             whole = unit is None and value.is_integer() and not set(text.lower()) & set(".,e")
             value = int(value) if whole and not is_stamp else value
-        return Written(value, unit, place(column.name))
-
-    def amplitude(name: str, *, part: bool = False) -> float:
-        """A cell as peak amplitude in the declared unit; a part of a complex one has a sign."""
-        unit = unit_of(table, table.column(name), f"{name} (uV)")
-        value = np.array([number(name)])
-        size = np.abs(value) if part else value
-        peak = to_peak(size, unit, detector, str(path), [row], name)[0]
-        return float(np.copysign(peak, value[0]) if part else peak)
-
-    def radians(name: str) -> float:
-        unit = unit_of(table, table.column(name), f"{name} (deg)")
-        return convert(number(name), unit, "rad", where=f"{path}: column '{name}'")
+        return Written(value, unit, where)
 
     # columns that are no data set variables of the FMU
-    data = {*written.data_columns, file.drift.time}
-    data |= set(drive.frequencies) if drive.kind == "input" else set()
+    data = {*written.data_columns, time, *(drive.frequencies if drive.kind == "input" else ())}
     settings = {
         column.name: setting(column)
         for column in table.columns
@@ -325,7 +331,6 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
             raise BadInput(
                 f"{path}: {row}: {line.text} is at {hertz(f)}, wanted a positive frequency"
             )
-    time = file.drift.time
     read = partial(
         Experiment,
         label=label,
@@ -335,34 +340,17 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
         written=settings,
         stamp=setting(table.column(time), is_stamp=True) if time else None,
     )
-    if written.spectra is not None:
-        source = folder / written.spectra.replace("{experiment}", label)
-        raw = read_trace(source, written.layout, written.selection(written.columns))
-        spectrum = Spectrum(*_calibrated(raw, detector), source=source, unit=detector.unit)
-        measured, kind = (spectrum.frequency_hz, spectrum.amplitude_v), written.noise_floor
-        reading = read_peaks(*measured, lines_hz, kind, source=str(source))
-        floor_v = 0.0 if kind == "none" else reading.floor.level_v
-        peaks_v, sigmas_v = reading.peaks_v, reading.sigmas_v
-        return checked_experiment(
-            read(peaks_v=peaks_v, sigmas_v=sigmas_v, floor_v=floor_v, spectrum=spectrum)
-        )
-    names = written.x or written.peaks
-    peaks = np.array([amplitude(name, part=bool(written.x)) for name in names])
-    if written.x:
-        values = peaks + 1j * np.array([amplitude(name, part=True) for name in written.y])
-        peaks, angles = np.abs(values), np.angle(values)
-    else:
-        angles = np.array([radians(name) for name in written.phases])
-    for name, value in zip(names, peaks, strict=True):
-        if value <= 0.0:
-            raise BadInput(f"{place(name)}: the peak is zero; wanted a positive amplitude")
-    angles = -angles if written.conjugate else angles
+    if ready:
+        own = {key: values[i] for key, values in ready.items()}
+        unknown, restarted = written.unknown or UNKNOWN[0], label in written.restarted
+        return checked_experiment(read(**own, unknown=unknown, restarted=restarted))
+    source, unit = folder / str(written.spectra).replace("{experiment}", label), detector.unit
+    raw = read_trace(source, written.layout, written.selection(written.columns))
+    spectrum = Spectrum(*_calibrated(raw, detector), source=source, unit=unit)
+    measured, kind = (spectrum.frequency_hz, spectrum.amplitude_v), written.noise_floor
+    reading = read_peaks(*measured, lines_hz, kind, source=str(source))
+    floor_v = 0.0 if kind == "none" else reading.floor.level_v
+    peaks_v, sigmas_v = reading.peaks_v, reading.sigmas_v
     return checked_experiment(
-        read(
-            peaks_v=peaks,
-            sigmas_v=np.array([amplitude(name) for name in written.peak_sigmas]),
-            phases_rad=angles if written.is_complex else None,
-            unknown=written.unknown or UNKNOWN[0],
-            restarted=label in written.restarted,
-        )
+        read(peaks_v=peaks_v, sigmas_v=sigmas_v, floor_v=floor_v, spectrum=spectrum)
     )

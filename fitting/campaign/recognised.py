@@ -14,7 +14,6 @@ from fitting.campaign.instruments import (
     PLAIN,
     foreign_kind,
     head_of,
-    layout_in,
     layout_of,
     read_recording,
 )
@@ -60,7 +59,7 @@ def recognised(path: Path, selection: Selection | None = None) -> Recording:
             row that is none; states which kind it is, and what to do.
     """
     selection = selection or Selection()
-    layout = layout_in(path, selection)
+    layout = layout_of(path, plain_text=selection.header_row is not None)
     recording = read_recording(path, layout, selection)
     roles = _Roles(recording)
     if not recording.headed:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
 
 if TYPE_CHECKING:  # the types of arrays take numpy along, which a command's help does not need
     from fitting.text.arrays import FloatArray, Scalar
 
 Made = TypeVar("Made")
+Arguments = ParamSpec("Arguments")
 
 
 class BadInput(ValueError):
@@ -94,6 +95,21 @@ class Complaints:
             return False
         self.lines += error.args
         return True
+
+    def read(
+        self, reader: Callable[Arguments, Made], *args: Arguments.args, **kwargs: Arguments.kwargs
+    ) -> Made:
+        """What a reader makes; None where it complains, so that `check` comes before its use.
+
+        Args:
+            reader: makes one record, or complains.
+            *args: of the reader.
+            **kwargs: of the reader.
+        """
+        made: Made | None = None
+        with self:
+            made = reader(*args, **kwargs)
+        return cast("Made", made)
 
     def check(self) -> None:
         """Complain, if there is anything.

@@ -11,13 +11,20 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fitting.campaign import instruments
 from fitting.campaign.file import WrittenSweep
-from fitting.campaign.instruments import LAYOUTS, Selection, layout_of, matching_layouts, read_trace
+from fitting.campaign.instruments import (
+    LAYOUTS,
+    Layout,
+    Recording,
+    Selection,
+    layout_of,
+    read_trace,
+)
+from fitting.campaign.instruments.recording import channel_of
 from fitting.signal.amplitudes import Amplitude, declared_amplitude, to_peak
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record
-from fitting.text.tables import parse_number
+from fitting.text.tables import parse_number, read_text
 
 PLAIN = "frequency (MHz),amplitude (uV)\n6.94,1.5\n6.95,2.5e1\n6.96,3\n"
 
@@ -374,41 +381,21 @@ def test_a_layout_is_known_by_its_content(tmp_path: Path, text: str, layout: str
     assert layout_of(put(tmp_path, text)) == layout
 
 
-TOY = """
-from pathlib import Path
-
-import numpy as np
-
-from fitting.campaign.instruments import Layout, Recording, Selection
-from fitting.campaign.instruments.recording import channel_of
-from fitting.text.tables import read_text
-
-
-def read(path: Path, selection: Selection) -> Recording:
+def read_toy(path: Path, selection: Selection) -> Recording:
     values = np.array(read_text(path).split()[1:], dtype=float).reshape(-1, 2)
     places = tuple(f"pair {i + 1}" for i in range(len(values)))
     channels = channel_of("f", "kHz", values[:, 0]), channel_of("R", "mV", values[:, 1])
     return Recording(path=path, channels=channels, places=places)
 
 
-LAYOUT = Layout(
-    name="toy", read=read, recognises=lambda head: head.data.startswith(b"TOY"), keys=("chunk",)
-)
-"""
-
-
-def test_a_layout_is_added_by_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file beside the others is found, read by, allowed in a campaign and told by content."""
-    (tmp_path / "layouts").mkdir()
-    (tmp_path / "layouts" / "toy_of_a_test.py").write_text(TOY)
+def test_a_layout_is_added_by_one_entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reader and a sign: read by, allowed in a campaign and known by content."""
     path = put(tmp_path, "TOY 1 10 2 20 3 30")
     with pytest.raises(BadInput, match="'toy'"):
         read_trace(path, "toy")
-    monkeypatch.setattr(instruments, "__path__", [*instruments.__path__, str(tmp_path / "layouts")])
-    found = matching_layouts()
-    assert set(found) == {*LAYOUTS, "toy"}
-    assert next(iter(found)) == "csv"
-    monkeypatch.setitem(LAYOUTS, "toy", found["toy"])
+    toy = Layout("toy", read_toy, lambda head: head.data.startswith(b"TOY"), keys=("chunk",))
+    monkeypatch.setitem(LAYOUTS, "toy", toy)
+    assert next(iter(LAYOUTS)) == "csv"
     assert layout_of(path) == "toy"
     table = {"file": path.name, "layout": "toy", "amplitude": "V rms", "chunk": 1}
     how = read_record(WrittenSweep, table, tmp_path / "campaign.toml", "sweep")

@@ -1,17 +1,17 @@
 """Files as instruments write them: text of vendors, libraries' formats, plain columns.
 
-To add an instrument, add an entry to `vendors.LAYOUTS`, or a file here, of any name, with a
-`Layout`:
+To add an instrument, add an entry to `LAYOUTS` of `vendors` (text) or `libraries` (formats that a
+library reads):
 
     def _read(path: Path, selection: Selection) -> Recording:
         ...  # named columns in the units of the file; BadInput with file and row
 
-    LAYOUT = Layout(name="mine", read=_read, recognises=lambda head: head.text.startswith("MINE"))
+    Layout("mine", _read, lambda head: head.text.startswith("MINE"))
 
-It is found by being here: a campaign may state ``layout = "mine"`` at once, and `layout_of` knows
-it by the first bytes of a file (``head.data``; ``head.text`` where they are text). Which column is
-the frequency and which the amplitude is decided for all layouts in `roles`. A library that a layout
-needs is imported within its reader, under `fitting.campaign.instruments.libraries.understood`.
+A campaign may state ``layout = "mine"`` at once, and `layout_of` knows it by the first bytes of a
+file (``head.data``; ``head.text`` where they are text). Which column is the frequency and which the
+amplitude is decided for all layouts in `roles`. A library that a layout needs is imported within
+its reader, under `fitting.campaign.instruments.libraries.understood`.
 
 A file that no layout recognises is plain text, or of a foreign kind: `KINDS` names those that hold
 no columns of numbers, with what to do. `fitting.campaign.recognised` describes to people what a
@@ -20,11 +20,11 @@ file is, and guesses what its columns are.
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
+from fitting.campaign.instruments import libraries, plain, vendors
 from fitting.campaign.instruments.recording import (
     Channel,
     Columns,
@@ -55,63 +55,47 @@ __all__ = [
     "Selection",
     "foreign_kind",
     "head_of",
-    "layout_in",
     "layout_of",
-    "matching_layouts",
     "own_estimates",
     "read_recording",
     "read_trace",
     "unit_of",
 ]
 
+PLAIN = plain.LAYOUT.name
+#: Layouts by name, first the plain one, for which every file is taken that no other recognises.
+LAYOUTS: dict[str, Layout] = {
+    one.name: one
+    for one in (plain.LAYOUT, *sorted((*vendors.LAYOUTS, *libraries.LAYOUTS), key=lambda o: o.name))
+}
+
 _AS_TEXT = "export the sweep as text (CSV) in the program that wrote it"
 _AS_TOUCHSTONE = "export it as Touchstone (.s2p) in the program that wrote it"
 _PICTURE = "a picture; wanted the numbers: " + _AS_TEXT
-
 _NANONIS = "wanted a sweep of the frequency or a recording over time, which Nanonis saves as .dat"
 
-#: First bytes, the kind that they tell, and what to do.
-KINDS: tuple[tuple[bytes, str], ...] = (
-    (b":NANONIS_VERSION:", "an image of a scan by Nanonis (.sxm); " + _NANONIS),
-    (b"Grid dim=", "a grid of spectra by Nanonis (.3ds); " + _NANONIS),
-    (b"\x89PNG\r\n", _PICTURE),
-    (b"\xff\xd8\xff", _PICTURE),
-    (b"GIF8", _PICTURE),
-    (b"II*\0", _PICTURE),
-    (b"MM\0*", _PICTURE),
-    (b"BM", _PICTURE),
-    (b"%PDF", "a PDF document; wanted the numbers: " + _AS_TEXT),
-    (b"%!PS", "a PostScript document; wanted the numbers: " + _AS_TEXT),
-    (b"\xd0\xcf\x11\xe0", "an old Excel or Word file; save the sheet as CSV"),
-    (b"\x1f\x8b", "compressed (gzip); unpack it first"),
-    (b"BZh", "compressed (bzip2); unpack it first"),
-    (b"\xfd7zXZ", "compressed (xz); unpack it first"),
-    (b"7z\xbc\xaf", "an archive (7z); unpack it and name the file with the sweep"),
-    (b"\x93NUMPY", "an array of NumPy; write it with numpy.savetxt, with a head of columns"),
-    (b"SQLite format 3", "a database (SQLite); export the sweep as CSV, as from QCoDeS"),
-    (b"<?xml", "XML; " + _AS_TEXT),
-    (b"<html", "a web page; wanted the numbers: download the data file itself"),
-    (b"<!DOC", "a web page; wanted the numbers: download the data file itself"),
-)
+#: Kinds that the first bytes show, with what to do.
+KINDS: Mapping[str, tuple[bytes, ...]] = {
+    "an image of a scan by Nanonis (.sxm); " + _NANONIS: (b":NANONIS_VERSION:",),
+    "a grid of spectra by Nanonis (.3ds); " + _NANONIS: (b"Grid dim=",),
+    _PICTURE: (b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*", b"BM"),
+    "a PDF document; wanted the numbers: " + _AS_TEXT: (b"%PDF",),
+    "a PostScript document; wanted the numbers: " + _AS_TEXT: (b"%!PS",),
+    "an old Excel or Word file; save the sheet as CSV": (b"\xd0\xcf\x11\xe0",),
+    "compressed (gzip); unpack it first": (b"\x1f\x8b",),
+    "compressed (bzip2); unpack it first": (b"BZh",),
+    "compressed (xz); unpack it first": (b"\xfd7zXZ",),
+    "an archive (7z); unpack it and name the file with the sweep": (b"7z\xbc\xaf",),
+    "an array of NumPy; write it with numpy.savetxt, with a head of columns": (b"\x93NUMPY",),
+    "a database (SQLite); export the sweep as CSV, as from QCoDeS": (b"SQLite format 3",),
+    "XML; " + _AS_TEXT: (b"<?xml",),
+    "a web page; wanted the numbers: download the data file itself": (b"<html", b"<!DOC"),
+}
 _JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[\[{])')
 _MDIF = re.compile(r"BEGIN\s+[A-Z]\w*\s*", re.IGNORECASE)
 #: A CITIfile says so in its head, below remarks.
 FIRST_LINES = 50
 _ZIP = b"PK\x03\x04"
-
-
-def refuse_foreign(head: Head) -> None:
-    """Refuse a file of a known kind that holds no columns of numbers.
-
-    Args:
-        head: beginning of the file.
-
-    Raises:
-        BadInput: names the kind, and what to do.
-    """
-    kind = foreign_kind(head)
-    if kind:
-        raise BadInput(f"{head.path}: is {kind}")
 
 
 def foreign_kind(head: Head) -> str:
@@ -134,7 +118,7 @@ def foreign_kind(head: Head) -> str:
                 "campaign of both, fmu-fit check FMU looks at the FMU)"
             )
         return "an archive (zip); unpack it and name the file with the sweep"
-    known = next((kind for start, kind in KINDS if data.startswith(start)), "")
+    known = next((kind for kind, starts in KINDS.items() if data.startswith(starts)), "")
     if known and not (known == _PICTURE and head.text and data.startswith(b"BM")):
         return known
     if data and not head.text and b"\0" in data:
@@ -150,54 +134,24 @@ def foreign_kind(head: Head) -> str:
     return ""
 
 
-#: The layout of plain text, which every file is taken for that no other one recognises.
-PLAIN = "csv"
-
-
-def matching_layouts() -> dict[str, Layout]:
-    """Layouts by name of all files of this package, the plain one first."""
-    modules = [
-        importlib.import_module(f"{__name__}.{m.name}") for m in pkgutil.iter_modules(__path__)
-    ]
-    result = [layout for module in modules for layout in getattr(module, "LAYOUTS", ())]
-    result += [module.LAYOUT for module in modules if hasattr(module, "LAYOUT")]
-    return {one.name: one for one in sorted(result, key=lambda one: (one.name != PLAIN, one.name))}
-
-
-LAYOUTS: dict[str, Layout] = matching_layouts()
-
-
-def layout_of(path: Path) -> str:
+def layout_of(path: Path, *, plain_text: bool = False) -> str:
     """The name of the layout that a file is written in, by its content.
 
     Args:
         path: of the file.
+        plain_text: whether it is columns of text, as the campaign states: no layout is tried.
 
     Raises:
-        BadInput: no such file, not readable, or of a kind that holds no measurement.
+        BadInput: no such file, not readable, or of a kind that holds no columns of numbers; names
+            the kind, and what to do.
     """
     head = head_of(path)
-    special = [layout for layout in LAYOUTS.values() if layout.name != PLAIN]
-    result = next((layout.name for layout in special if layout.recognises(head)), None)
-    if result is not None:
-        return result
-    refuse_foreign(head)
-    return PLAIN
-
-
-def layout_in(path: Path, selection: Selection) -> str:
-    """The name of the layout that a file is read in: columns of text, if their head is stated.
-
-    Args:
-        path: of the file.
-        selection: what is taken from it.
-
-    Raises:
-        BadInput: as `layout_of`.
-    """
-    if selection.header_row is None:
-        return layout_of(path)
-    refuse_foreign(head_of(path))
+    for layout in () if plain_text else LAYOUTS.values():
+        if layout.name != PLAIN and layout.recognises(head):
+            return layout.name
+    kind = foreign_kind(head)
+    if kind:
+        raise BadInput(f"{path}: is {kind}")
     return PLAIN
 
 
@@ -217,9 +171,10 @@ def read_recording(
     selection = selection or Selection()
     if layout is not None and layout not in LAYOUTS:
         raise BadInput(f"{path}: unknown layout '{layout}'{did_you_mean(layout, list(LAYOUTS))}")
-    if layout == PLAIN:
-        refuse_foreign(head_of(path))
-    name = layout or layout_in(path, selection)
+    name = layout or PLAIN
+    if name == PLAIN:
+        as_text = layout is not None or selection.header_row is not None
+        name = layout_of(path, plain_text=as_text)
     for key in selection.parts:
         if key not in LAYOUTS[name].keys:
             raise BadInput(f"{path}: is read as layout '{name}'; '{key}' has no meaning with it")

@@ -30,7 +30,7 @@ from fitting.campaign.instruments.recording import (
     Recording,
     Selection,
     channel_of,
-    numbered_points,
+    of_arrays,
 )
 from fitting.campaign.instruments.roles import FREQUENCY, TIME, plain_name
 from fitting.text.errors import BadInput, SeveralSweeps
@@ -79,8 +79,7 @@ class NamedArray:
         Args:
             folder: that of the axis.
         """
-        name = self.name.removeprefix(f"{folder}/") if folder else self.name
-        written = named_column(name, 0)
+        written = named_column(self.name.removeprefix(f"{folder}/"), 0)
         unit = self.unit or written.unit or suffixed_unit(written.name)[1]
         made = channel_of(written.name, unit, self.values)
         return replace(made, whole=named_column(self.name, 0).name if "/" in self.name else "")
@@ -96,26 +95,28 @@ class NamedArray:
         return plain_name(channel) in names or channel.unit in units
 
 
-def columns_of(name: str, values: np.ndarray, unit: str | None = None) -> list[NamedArray]:
-    """The columns that an array holds: itself, those of a narrow matrix, or none.
+def columns_of(name: str, values: object, unit: str | None = None) -> list[NamedArray]:
+    """The columns that an array holds: itself, those of a narrow matrix or of fields, or none.
 
     Args:
-        name: of the array.
-        values: of any shape and type.
+        name: of the array, with the groups that it is in.
+        values: of any shape and type; of a group, its arrays by name.
         unit: as the file states it.
     """
-    array = np.asarray(values)
-    if array.dtype.names is not None and array.ndim == 1:
-        fields = [(f"{name}/{field}", array[field]) for field in array.dtype.names]
-        return [column for field, part in fields for column in columns_of(field, part, unit)]
-    if array.dtype.kind not in "iufc" or array.size < MIN_POINTS:
+    parts: Mapping[str, object] = values if isinstance(values, Mapping) else {}
+    if isinstance(values, np.ndarray) and values.dtype.names is not None and values.ndim == 1:
+        parts = {field: values[field] for field in values.dtype.names}
+    if parts or not isinstance(values, np.ndarray):
+        inside = ((f"{name}/{key}".lstrip("/"), part) for key, part in parts.items())
+        return [column for each in inside for column in columns_of(*each, unit)]
+    if values.dtype.kind not in "iufc" or values.size < MIN_POINTS:
         return []
-    numbers = array.astype(complex if array.dtype.kind == "c" else float)
-    if max(array.shape) == array.size:
+    numbers = values.astype(complex if values.dtype.kind == "c" else float)
+    if max(values.shape) == values.size:
         return [NamedArray(name, numbers.ravel(), unit)]
-    if array.ndim != 2 or min(array.shape) > MOST_COLUMNS:
+    if values.ndim != 2 or min(values.shape) > MOST_COLUMNS:
         return []
-    table = numbers if array.shape[0] >= array.shape[1] else numbers.T
+    table = numbers if values.shape[0] >= values.shape[1] else numbers.T
     return [NamedArray(f"{name} {k + 1}", table[:, k], unit, name) for k in range(table.shape[1])]
 
 
@@ -154,12 +155,12 @@ def recording_of(
             )
         chosen.append(array)
     once = {id(array): array for array in chosen}.values()
-    return Recording(
-        path=path,
-        channels=tuple(array.channel(axis.folder) for array in once),
-        places=numbered_points(axis.values.size),
+    return of_arrays(
+        path,
+        (array.channel(axis.folder) for array in once),
+        axis.values.size,
+        f"{words}, {axis.name}" if "/" in axis.name else words,
         headed=bool(selection.axis) or axis.is_of((*FREQUENCY, *TIME), HERTZ),
-        words=f"{words}, {axis.name}" if "/" in axis.name else words,
     )
 
 
@@ -241,22 +242,6 @@ def _different(axes: Sequence[NamedArray]) -> list[NamedArray]:
         if axis.rises and axis.values.real[0] > 0.0 and not known:
             different.append(axis)
     return different or list(axes[:1])
-
-
-def flattened(values: Mapping[str, object], prefix: str = "") -> list[tuple[str, np.ndarray]]:
-    """Arrays of nested mappings with their path as name.
-
-    Args:
-        values: by name; mappings within are gone through.
-        prefix: of the names.
-    """
-    result: list[tuple[str, np.ndarray]] = []
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            result += flattened(value, f"{prefix}{name}/")
-        elif isinstance(value, np.ndarray):
-            result.append((f"{prefix}{name}", value))
-    return result
 
 
 @contextmanager
@@ -345,8 +330,7 @@ def _read_matlab(path: Path, selection: Selection) -> Recording:
         values = loadmat(path, simplify_cells=True)
         if set(values) >= TRAJECTORIES:
             return _trajectories(path, loadmat(path, chars_as_strings=False))
-        arrays = [column for name, a in flattened(values) for column in columns_of(name, a)]
-    return recording_of(path, arrays, "MATLAB", selection)
+    return recording_of(path, columns_of("", values), "MATLAB", selection)
 
 
 def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
@@ -379,8 +363,7 @@ def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
         column = np.sign(row) * tables[int(table) or 2][abs(row) - 1]
         kept = column if column.size == times.size else np.full(times.size, column[0])
         channels.append(channel_of(name, unit_in(words), kept))
-    places = numbered_points(times.size)
-    return Recording(path=path, channels=tuple(channels), places=places, words=RESULTS)
+    return of_arrays(path, channels, times.size, RESULTS)
 
 
 def _of_matlab(head: Head) -> bool:
@@ -449,18 +432,13 @@ def _read_touchstone(path: Path, _: Selection) -> Recording:
         raise BadInput(
             f"{path}: is {TOUCHSTONE} of {s.shape[1]} ports; wanted at most {MOST_PORTS}"
         )
-    pairs = [(i, j) for j in range(s.shape[2]) for i in range(s.shape[1])]
-    names = [f"S{i + 1}{j + 1}" for i, j in pairs]
-    ports = how_many(s.shape[1], "port")
-    return Recording(
-        path=path,
-        channels=(
-            channel_of("Frequency", "Hz", f),
-            *(channel_of(n, "1", s[:, i, j]) for n, (i, j) in zip(names, pairs, strict=True)),
-        ),
-        places=numbered_points(f.size),
-        words=f"Touchstone, {ports}, {', '.join(names[:4])}{', ...' if len(names) > 4 else ''}",
-    )
+    ports = range(s.shape[1])
+    values = {f"S{i + 1}{j + 1}": s[:, i, j] for j in ports for i in ports}
+    channels = [channel_of("Frequency", "Hz", f)]
+    channels += [channel_of(name, "1", each) for name, each in values.items()]
+    names = ", ".join(list(values)[:4]) + (", ..." if len(values) > 4 else "")
+    words = f"Touchstone, {how_many(len(ports), 'port')}, {names}"
+    return of_arrays(path, channels, f.size, words)
 
 
 def _touchstone_name(path: Path, text: str) -> str:
@@ -532,13 +510,9 @@ def _read_uff(path: Path, _: Selection) -> Recording:
             unit = f"{unit}/{under}"
         channels.append(channel_of(names[-1], unit, np.asarray(function["data"])))
     kind = _FUNCTIONS.get(number, f"function of type {number}")
-    return Recording(
-        path=path,
-        channels=tuple(channels),
-        places=numbered_points(axis.size),
-        words=f"UFF dataset 58, {kind}{f' and {others} more' if others else ''}",
-        notes={"id1": str(first.get("id1", "")).strip()},
-    )
+    words = f"UFF dataset 58, {kind}{f' and {others} more' if others else ''}"
+    notes = {"id1": str(first.get("id1", "")).strip()}
+    return of_arrays(path, channels, axis.size, words, notes=notes)
 
 
 def _freedom(function: dict[str, Any], side: str) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -134,8 +135,7 @@ class Recording:
             raise BadInput(
                 f"{self.path}: column '{channel.name}' holds complex values; wanted real ones"
             )
-        values = np.asarray(channel.read(), dtype=float)
-        self._check(channel, values)
+        values: FloatArray = self._finite(channel, float)
         return values
 
     def check(self, channels: Iterable[Channel]) -> None:
@@ -155,8 +155,15 @@ class Recording:
         Args:
             channel: of this recording.
         """
-        values = np.asarray(channel.read(), dtype=complex)
-        self._check(channel, values)
+        values: ComplexArray = self._finite(channel, complex)
+        return values
+
+    def _finite(self, channel: Channel, kind: type) -> Any:
+        values: Any = np.asarray(channel.read(), dtype=kind)
+        bad = [(self.places[i], values[i].item()) for i in np.flatnonzero(~np.isfinite(values))]
+        if bad:
+            (place, value), *more = bad
+            raise not_numbers(f"{self.path}: {place}, column '{channel.name}'", value, more)
         return values
 
     def part(self, rows: IntArray) -> Recording:
@@ -174,12 +181,6 @@ class Recording:
             channels=tuple(map(taken, self.channels)),
             places=tuple(self.places[i] for i in rows),
         )
-
-    def _check(self, channel: Channel, values: Numbers) -> None:
-        bad = [(self.places[i], values[i].item()) for i in np.flatnonzero(~np.isfinite(values))]
-        if bad:
-            (place, value), *more = bad
-            raise not_numbers(f"{self.path}: {place}, column '{channel.name}'", value, more)
 
 
 def unit_of(recording: Recording | Table, column: Channel | Column, example: str) -> str:
@@ -215,13 +216,20 @@ def channel_of(name: str, unit: str | None, values: Numbers) -> Channel:
     )
 
 
-def numbered_points(count: int) -> tuple[str, ...]:
-    """Places of points that stand in no row.
+def of_arrays(
+    path: Path, channels: Iterable[Channel], count: int, words: str, **further: Any
+) -> Recording:
+    """The recording of a file that holds arrays: its points have no rows.
 
     Args:
-        count: of them.
+        path: of the file.
+        channels: its columns, (n,) each.
+        count: n, number of points.
+        words: that state what the file is.
+        **further: fields of the recording.
     """
-    return tuple(f"point {k + 1}" for k in range(count))
+    places = tuple(f"point {k + 1}" for k in range(count))
+    return Recording(path=path, channels=tuple(channels), places=places, words=words, **further)
 
 
 def of_table(table: Table, words: str = "", notes: Mapping[str, str] | None = None) -> Recording:
@@ -398,8 +406,8 @@ class Selection(ComplexColumns):
     @property
     def parts(self) -> dict[str, int]:
         """Where in the file it is, by the keys of a campaign."""
-        given = {"trace": self.trace if self.trace != 1 else None, "chunk": self.chunk}
-        given["header_row"] = self.header_row
+        trace = self.trace if self.trace != 1 else None
+        given = {"trace": trace, "chunk": self.chunk, "header_row": self.header_row}
         return {key: value for key, value in given.items() if value is not None}
 
     @property

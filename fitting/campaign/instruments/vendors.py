@@ -82,10 +82,9 @@ def _read_nanonis(path: Path, _: Selection) -> Recording:
     names = [c.name for c in table.columns]
     if not any(name.lower().startswith("center freq") for name in names):
         there = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
-        experiment = notes.get("Experiment", "not stated")
         raise BadInput(
-            f"{path}: is a Nanonis file of the experiment '{experiment}', "
-            "not a sweep of the frequency; wanted columns 'Frequency', or 'Center Frequency' and "
+            f"{path}: is a Nanonis file of the experiment '{notes.get('Experiment', 'not stated')}'"
+            ", not a sweep of the frequency; wanted columns 'Frequency', or 'Center Frequency' and "
             f"'Frequency Shift', or 'Time' of a recording, there is: {there}"
         )
     shift, center = table.column("Frequency Shift"), table.column("Center Frequency")
@@ -112,24 +111,20 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
     start = _chosen(path, result, selection, "trace ('Values;<number>' lines)", hint)
     header = {key: cells[1:] for key, cells in zip(keys[: start + 1], lines, strict=False)}
     where = f"{path}: row {start + 1}, 'Values'"
-    count = int(parse_number((lines[start] + ("",))[1], where))
-    if count < 0:
-        raise BadInput(f"{where}: found {count}, wanted a number of points")
-    rows = list(enumerate(lines, start=1))[start + 1 : start + 1 + count]
-    if len(rows) < count:
+    count, below = int(parse_number((*lines[start], "")[1], where)), len(lines) - start - 1
+    if not 0 <= count <= below:
         raise BadInput(
-            f"{where}: {how_many(count, 'point')} announced, {how_many(len(rows), 'line')} below"
+            f"{where}: {how_many(count, 'point')} announced, {how_many(below, 'line')} below"
         )
-    units: list[str] = []
+    rows = list(enumerate(lines, start=1))[start + 1 : start + 1 + count]
     for key in ("x-unit", "y-unit"):
-        units += header.get(key, ("",))[:1]
-        if not units[-1]:
+        if not header.get(key, ("",))[0]:
             raise BadInput(f"{path}: no '{key}' line before the values; wanted as in 'x-Unit;Hz;'")
+    over, unit = header["x-unit"][0], header["y-unit"][0]
     worth: tuple[str, ...] = ("type", "rbw", "detector")
     notes = {key: " ".join(header[key]).strip() for key in worth if key in header}
-    axis = "Time" if units[0] == "s" else "Frequency"
     words = ", ".join(("Rohde & Schwarz, ASCII trace", *notes.values()))
-    columns = [(axis, units[0], 0), ("Level", units[1], 1)]
+    columns = [("Time" if over == "s" else "Frequency", over, 0), ("Level", unit, 1)]
     return of_rows(path, columns, rows, words, notes, decimal_comma=True)
 
 
@@ -274,21 +269,13 @@ def _read_zurich(path: Path, selection: Selection) -> Recording:
     names = [name.lower() for name in split_line(head, ";" if ";" in head else ",")]
     if "fieldname" not in names:
         table = parse_table(path, lines)
-        column, rows = table.find("chunk"), list(range(len(table.cells)))
+        rows = list(zip(table.cells, table.lines, strict=True))
+        column = table.find("chunk")
         if column is not None:
-            chunks = table.texts(column)
-            wanted = _one_chunk(path, chunks, selection.chunk)
-            rows = [i for i, chunk in enumerate(chunks) if chunk == wanted]
-        part = replace(
-            table,
-            columns=tuple(
-                replace(c, unit=c.unit or _LABONE.get(c.name.lower())) for c in table.columns
-            ),
-            cells=tuple(table.cells[i] for i in rows),
-            lines=tuple(table.lines[i] for i in rows),
-            decimal_comma=False,
-        )
-        return of_table(part, _LABONE_WORDS)
+            wanted = _one_chunk(path, table.texts(column), selection.chunk)
+            rows = [row for row in rows if row[0][column.index] == wanted]
+        columns = [(c.name, c.unit or _LABONE.get(c.name.lower()), c.index) for c in table.columns]
+        return of_rows(path, columns, [(n, cells) for cells, n in rows], _LABONE_WORDS)
     if "chunk" not in names:
         raise BadInput(f"{path}: no column 'chunk'; wanted one next to 'fieldname'")
     at_chunk, at_field = names.index("chunk"), names.index("fieldname")
@@ -301,21 +288,35 @@ def _read_zurich(path: Path, selection: Selection) -> Recording:
     fields = {c[at_field].lower(): (n, c[at_field + 1 :]) for n, c in body if c[at_chunk] == chunk}
     if "frequency" not in fields:
         raise BadInput(f"{path}: no field 'frequency'; there is: {', '.join(fields)}")
-    row, cells = fields["frequency"]
-    size = _field_values(path, "frequency", row, cells, None).size
+    at, frequencies = fields["frequency"]
+    size = _without_padding(frequencies)
+
+    def values(name: str) -> FloatArray:
+        row, cells = fields[name]
+        there = max(_without_padding(cells), min(size, len(cells)))
+        if there != size:
+            raise BadInput(
+                f"{path}: row {row}, field '{name}': {how_many(there, 'value')}, wanted {size}"
+            )
+        place = f"row {row}, field '{name}', value "
+        return parse_numbers(path, [(f"{place}{j + 1}", cells[j]) for j in range(size)])
+
+    values("frequency")  # of which the others are read only where they are needed
     return Recording(
         path=path,
         channels=tuple(
-            Channel(
-                name=name,
-                unit=_LABONE.get(name),
-                read=partial(_field_values, path, name, *field, size),
-            )
-            for name, field in fields.items()
+            Channel(name=name, unit=_LABONE.get(name), read=partial(values, name))
+            for name in fields
         ),
-        places=tuple(f"row {row}, value {j + 1}" for j in range(size)),
+        places=tuple(f"row {at}, value {j + 1}" for j in range(size)),
         words=_LABONE_WORDS,
     )
+
+
+def _without_padding(cells: Sequence[str]) -> int:
+    """Number of cells before those that fill up a row."""
+    numbers = [j for j, cell in enumerate(cells, start=1) if cell.lower() not in ("", "nan")]
+    return max(numbers, default=0)
 
 
 def _one_chunk(path: Path, chunks: Sequence[str], wanted: int | None) -> str:
@@ -331,21 +332,6 @@ def _one_chunk(path: Path, chunks: Sequence[str], wanted: int | None) -> str:
         f"as 'chunk = {present[-1]}' in the campaign",
         parts=[{"chunk": int(chunk)} for chunk in present if chunk.isdigit()],
     )
-
-
-def _field_values(
-    path: Path, name: str, line: int, cells: Sequence[str], size: int | None
-) -> FloatArray:
-    """Values of one field; ``size`` None: up to the nan padding, which ends the sweep."""
-    kept = list(cells)
-    while kept and (size is None or len(kept) > size) and kept[-1].lower() in ("", "nan"):
-        kept.pop()
-    if size is not None and len(kept) != size:
-        raise BadInput(
-            f"{path}: row {line}, field '{name}': {how_many(len(kept), 'value')}, wanted {size}"
-        )
-    numbered = [(f"row {line}, field '{name}', value {j + 1}", text) for j, text in enumerate(kept)]
-    return parse_numbers(path, numbered)
 
 
 #: LeCroy's first word, and lines among which its head of columns stands, below the segments'.
