@@ -6,9 +6,9 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+from fitting.api.early import CALIBRATED_FILES
 from fitting.api.fitted import Valued
 from fitting.api.printed import HtmlText
-from fitting.api.written import CALIBRATED_FILES
 from fitting.fmu.description import read_description
 from fitting.fmu.models import rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure

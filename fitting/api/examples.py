@@ -1,9 +1,10 @@
-"""The campaigns that are shipped, to be read where they are or written to a folder of one's own."""
+"""The campaigns that are shipped, to be read where they are or copied; models built ahead."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from fitting.fmu.models import built_ahead as built_ahead
 from fitting.text.errors import BadInput
 from fitting.text.files import shipped
 from fitting.text.results_folder import write_all

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.api.choices import ESTIMATORS, MISFITS
 from fitting.api.printed import HtmlText, data_frame
 from fitting.api.problem import Problem
 from fitting.engine.threads import one_thread
@@ -44,7 +43,7 @@ from fitting.result.result import Result
 from fitting.result.result import read_result as read_record
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
-from fitting.text.choices import LIKELIHOOD
+from fitting.text.choices import ESTIMATORS, LIKELIHOOD, MISFITS
 from fitting.text.errors import BadInput, did_you_mean
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind

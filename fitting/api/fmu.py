@@ -16,8 +16,8 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy.typing as npt
 
+from fitting.api.early import DRIVE_FILES, SWEEP_FILES
 from fitting.api.request import USUAL_TONES, RequestBinder
-from fitting.api.written import DRIVE_FILES, SWEEP_FILES
 from fitting.campaign.bound import Drive as WantedDrive
 from fitting.campaign.file import WrittenFmu
 from fitting.fmu.accuracy import AccuracyAnnotation

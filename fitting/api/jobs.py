@@ -8,10 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from fitting.api.choices import FORMATS, INTERACTIVE, PAPER, STYLES
+from fitting.api.early import RESULT_FILES
 from fitting.api.fitted import Valued
 from fitting.api.problem import Problem
-from fitting.api.written import RESULT_FILES
 from fitting.engine.threads import one_thread
 from fitting.fit.likelihood import Spent
 from fitting.inference.determine import IdentificationOptions
@@ -23,6 +22,7 @@ from fitting.result.result import Result, write_result
 from fitting.result.same_data import require_same_data
 from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
+from fitting.text.choices import FORMATS, INTERACTIVE, PAPER, STYLES
 from fitting.text.errors import BadInput
 from fitting.text.old_names import renamed
 from fitting.text.results_folder import remove_earlier, results_folder

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from fitting.api.early import LINE_FILES
 from fitting.api.printed import HtmlText
 from fitting.lines import line as sweeps
 from fitting.lines import noise_spectrum as spectra
@@ -36,7 +37,6 @@ from fitting.text.old_names import renamed
 from fitting.text.results_folder import remove_earlier, results_folder
 
 __all__ = [
-    "LINE_FILES",
     "WIRINGS",
     "Columns",
     "DipReading",
@@ -53,8 +53,6 @@ __all__ = [
 
 #: Kinds of files.
 RINGDOWN, NOISE, SWEEP = "ringdown", "noise", "sweep"
-#: What `write_line` writes.
-LINE_FILES = ("line.json", "line.csv", "line.png", "line.svg")
 Record = TypeVar("Record")
 
 

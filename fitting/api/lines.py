@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from fitting.api.early import LINES_FILES
 from fitting.api.line import (
     NOISE,
     RINGDOWN,
@@ -32,8 +33,6 @@ from fitting.text.arguments import checked
 from fitting.text.errors import BadInput, SeveralSweeps
 from fitting.text.results_folder import remove_earlier, results_folder
 
-#: What `write_lines` writes.
-LINES_FILES = ("lines.csv", "lines.png", "lines.svg")
 #: Name of the control where the files have none: their number.
 NUMBER = "file number"
 

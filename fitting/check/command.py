@@ -8,13 +8,14 @@ from pathlib import Path
 import fitting as ff
 from fitting.check import FILES
 from fitting.extension.command import (
-    add_fmu,
-    add_isolate,
-    add_timeout,
+    ISOLATE,
+    Options,
+    declare,
     fmu_of,
     hand_over,
     positive_time,
     status_line,
+    value,
     writes,
 )
 
@@ -25,21 +26,17 @@ EXAMPLE = "fmu-fit check CoupledOscillator --campaign string_q1/campaign.toml"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    add_fmu(parser)
-    parser.add_argument(
-        "--campaign", type=Path, metavar="CAMPAIGN.toml", help="a campaign that the FMU has to suit"
-    )
-    parser.add_argument(
-        "--step",
-        type=positive_time("--step"),
-        metavar="TIME",
-        help='length of the trial step, as "1 ms" (one that suits the FMU, else 0.001 s)',
-    )
-    parser.add_argument(
-        "--report", type=Path, metavar="FOLDER", help="also write a page, FOLDER/report.html"
-    )
-    add_timeout(parser, 60.0, "longest run")
-    add_isolate(parser)
+    step = 'length of the trial step, as "1 ms" (one that suits the FMU, else 0.001 s)'
+    options: Options = {
+        "fmu": {},
+        "--interface": {},
+        "--campaign": value("a campaign that the FMU has to suit", "CAMPAIGN.toml", Path),
+        "--step": value(step, "TIME", positive_time("--step")),
+        "--report": value("also write a page, FOLDER/report.html", "FOLDER", Path),
+        "--timeout": {"default": 60.0, "help": "longest run (60 s)"},
+        **ISOLATE,
+    }
+    declare(parser, options)
 
 
 def _out(args: argparse.Namespace) -> Path | None:

@@ -6,8 +6,9 @@ import argparse
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.written import CALIBRATED_FILES
-from fitting.cli.running.results import writes
+from fitting.api.early import CALIBRATED_FILES
+from fitting.cli.running.output import writes
+from fitting.cli.words.options import Options, declare, several, value
 
 NAME = "calibrate"
 EXAMPLE = "fmu-fit calibrate out/string_q1/result.json --out calibrated"
@@ -15,24 +16,18 @@ EXAMPLE = "fmu-fit calibrate out/string_q1/result.json --out calibrated"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument(
-        "result", type=Path, metavar="RESULT.json", help="result of a reconstruction"
-    )
-    parser.add_argument("--out", type=Path, required=True, help="folder for the files")
-    parser.add_argument(
-        "--fmu", type=Path, help="the FMU that was fitted (default: fmu/ next to RESULT.json)"
-    )
-    also = parser.add_mutually_exclusive_group()
-    also.add_argument(
-        "--also",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="also write this parameter, which the data do not determine; may be repeated",
-    )
-    also.add_argument(
-        "--all", action="store_true", help="write all parameters: the best fit as a whole"
-    )
+    options: Options = {
+        "result": value("result of a reconstruction", "RESULT.json", Path),
+        "--out": {"required": True, "help": "folder for the files"},
+        "--fmu": value("the FMU that was fitted (default: fmu/ next to RESULT.json)", read=Path),
+    }
+    declare(parser, options)
+    also = "also write this parameter, which the data do not determine; may be repeated"
+    options = {
+        "--also": several(also, "NAME"),
+        "--all": "write all parameters: the best fit as a whole",
+    }
+    declare(parser.add_mutually_exclusive_group(), options)
 
 
 @writes(NAME, *CALIBRATED_FILES)
@@ -48,11 +43,8 @@ def run(args: argparse.Namespace) -> int:
     result = read_result(args.result)
     also = (*result.parameters, *result.alternative) if args.all else args.also
     calibrated = ff.calibrate(args.result, args.out, fmu=args.fmu, also=also)
-    files = [
-        p
-        for p in (calibrated.fmu, calibrated.ssv, calibrated.ssp, calibrated.table)
-        if p is not None
-    ]
+    made = calibrated.fmu, calibrated.ssv, calibrated.ssp, calibrated.table
+    files = [path for path in made if path is not None]
     lines = calibration_lines(
         result.title, calibrated.calibration, files, compiled=calibrated.fmu is None
     )

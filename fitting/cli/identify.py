@@ -9,13 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
-from fitting.api.choices import BUDGET, EVALUATIONS
-from fitting.cli.running.campaign_fmu import fmu_for
-from fitting.cli.running.output import hand_over
+from fitting.cli.running.campaigns import command_line, fit_at, fmu_for
+from fitting.cli.running.output import hand_over, writes
 from fitting.cli.running.progress import status_line
-from fitting.cli.running.results import writes
-from fitting.cli.words.again import add_at, command_line, fit_at
-from fitting.cli.words.values import folder_name, seed, whole_number, worker_count
+from fitting.cli.words.options import USUAL_BUDGET, Options, declare, folder_names, several
 from fitting.text.results_folder import remove_earlier
 
 NAME = "identify"
@@ -27,43 +24,27 @@ FILES = (JSON_NAME, "report.html", "figures/[0-9]*_*.*")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument("campaign", type=Path, metavar="CAMPAIGN.toml", help="campaign file")
-    parser.add_argument("--out", type=Path, help="folder for results (out/identify_<its folder>)")
-    add_at(parser, "a fit to start from (the campaign's start and reference values)")
-    parser.add_argument(
-        "--expected",
-        action="store_true",
-        help="not the measured data but those that the model expects there, with their noise",
-    )
-    parser.add_argument(
-        "--bootstrap",
-        type=whole_number(2),
-        metavar="N",
-        help="refit N synthetic data sets (none)",
-    )
-    parser.add_argument(
-        "--beside",
-        metavar="NAME=VALUE",
-        action="append",
-        default=[],
-        help="also what was measured at this setting alone, as depth=0; may be repeated",
-    )
-    parser.add_argument("--seed", type=seed(), default=1, help="of starts and bootstrap")
-    parser.add_argument(
-        "--budget",
-        type=whole_number(1),
-        metavar="N",
-        help="about so many runs of the FMU; incomplete searches are marked "
-        f"({BUDGET:,}, or {EVALUATIONS:,} evaluations where these take more)",
-    )
-    parser.add_argument(
-        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
-    )
-    parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
+    alone = "also what was measured at this setting alone, as depth=0; may be repeated"
+    options: Options = {
+        "campaign": {},
+        "--out": "folder for results (out/identify_<its folder>)",
+        "--at": "a fit to start from (the campaign's start and reference values)",
+        "--changed-data": {},
+        "--expected": "not the measured data but those that the model expects there, with "
+        "their noise",
+        "--bootstrap": "refit N synthetic data sets (none)",
+        "--beside": several(alone, "NAME=VALUE"),
+        "--seed": {"default": 1, "help": "of starts and bootstrap"},
+        "--budget": "about so many runs of the FMU; incomplete searches are marked "
+        f"({USUAL_BUDGET})",
+        "--workers": {},
+        "--no-report": {},
+    }
+    declare(parser, options)
 
 
 def _out(args: argparse.Namespace) -> Path:
-    return args.out or Path("out") / f"identify_{folder_name(args.campaign)}"
+    return args.out or Path("out") / f"identify_{folder_names(args.campaign)}"
 
 
 @writes(NAME, *FILES, to=_out)

@@ -12,9 +12,8 @@ import sys
 import tempfile
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TextIO
 
 import fitting
 from fitting.cli.running.interrupts import INTERRUPTED, Interrupts, interruptible
@@ -48,9 +47,9 @@ REFUSALS = {
 }
 #: What variables of the environment begin with that are read by libraries alone.
 LIBRARIES = ("BOKEH_", "TQDM_", "SOURCE_DATE_EPOCH")
-#: More complaints about one input are counted, not printed.
-MOST_COMPLAINTS = 20
-#: Characters of a complaint: all parameters of an FMU that failed, not a cell gone wild.
+#: More errors about one input are counted, not printed.
+MOST_ERRORS = 20
+#: Characters of an error: all parameters of an FMU that failed, not a cell gone wild.
 LONGEST = 4000
 
 
@@ -61,14 +60,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: words of the command line, None for the process's own.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments is None:
-        _keep_out_settings()
+    if arguments is None:  # what is set for libraries changes no file, and ends no command
+        for name in [name for name in os.environ if name.startswith(LIBRARIES)]:
+            del os.environ[name]
+        os.environ["MPLBACKEND"] = "agg"  # figures are drawn into files
     # without a home it tells, in its own words, that it makes do with a folder that it removes
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     if arguments is None and not sys.warnoptions:  # of libraries, about numbers: no user's concern
         warnings.filterwarnings("ignore", category=RuntimeWarning)
         warnings.filterwarnings("always", category=DeprecationWarning, module=r"fitting\b")
-        warnings.showwarning = _warn
+        # what is deprecated, and whatever else warns, in a line like every error
+        warnings.showwarning = lambda message, category, *_, **__: print(
+            f"fmu-fit: {message} ({category.__name__})", file=sys.stderr
+        )
     with outlets() as output, interruptible(whole_process=arguments is None) as interrupts:
         try:
             code = _run(given, interrupts)
@@ -82,29 +86,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _complain(f"standard output: cannot be written: {lost.strerror}", BAD_INPUT)
 
 
-def _warn(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: TextIO | None = None,
-    line: str | None = None,
-) -> None:
-    """What is deprecated, and whatever else warns, in a line like every other complaint."""
-    print(f"fmu-fit: {message} ({category.__name__})", file=sys.stderr)
-
-
-def _keep_out_settings() -> None:
-    """What is set for libraries changes no file that is written; a slip in it would end a command.
-
-    Figures are drawn into files, whatever window is wanted elsewhere, and bear no date.
-    """
-    for name in list(os.environ):
-        if name.startswith(LIBRARIES):
-            del os.environ[name]
-    os.environ["MPLBACKEND"] = "agg"
-
-
 def _run(given: Sequence[str], interrupts: Interrupts) -> int:
     """Run a command; whatever happens is an exit code and a sentence."""
     if not given:
@@ -114,7 +95,16 @@ def _run(given: Sequence[str], interrupts: Interrupts) -> int:
         for word in given:
             if word.startswith("--") and word.endswith("=--"):  # argparse makes an empty list of it
                 raise BadInput(f"{word.removesuffix('=--')}: found '--', wanted a value")
-        _require_memory()
+        with contextlib.suppress(ImportError):  # Windows has no such limits
+            import resource
+
+            # with less, the library of linear algebra ends the process while it is loaded
+            limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+            if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
+                limited, wanted = (f"{size / 1e6:.0f} MB" for size in (limit, LEAST_MEMORY))
+                raise BadInput(
+                    f"memory is limited to {limited}, wanted {wanted} at least (ulimit -v)"
+                )
         chosen = parsed(given)
         with directed(chosen):
             code: int = chosen.run(chosen)
@@ -142,20 +132,6 @@ def _comes_of_interrupt(error: BaseException) -> bool:
     return before is not None and _comes_of_interrupt(before)
 
 
-def _require_memory() -> None:
-    """With less, the library of linear algebra ends the process while it is loaded."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit != resource.RLIM_INFINITY and limit < LEAST_MEMORY:
-        raise BadInput(
-            f"memory is limited to {limit / 1e6:.0f} MB, wanted {LEAST_MEMORY / 1e6:.0f} MB at "
-            "least (ulimit -v)"
-        )
-
-
 def _surroundings(error: Exception) -> str:
     """What the machine refuses, as a sentence; empty where the error is none of the machine's."""
     # compiled libraries report a thread that cannot start by the system's word for it
@@ -181,47 +157,38 @@ def _surroundings(error: Exception) -> str:
 
 
 def _kept(error: Exception, given: Sequence[str]) -> str:
-    """What went wrong in a line, and the file with all of it."""
+    """What went wrong in a line, and the file with all of it: next to the results, or elsewhere."""
     what = " ".join(traceback.format_exception_only(error)[-1].split())
-    text = "".join(traceback.format_exception(error))
-    head = (
+    text = (
         f"{shlex.join(['fmu-fit', *given])}\nfmu-fit {fitting.__version__}, "
         f"Python {platform.python_version()}, {platform.platform()}\n\n"
+        + "".join(traceback.format_exception(error))
     )
-    for folder in _folders_for_faults(given):
+    folders: list[str | None] = []
+    for word, following in zip(given, [*given[1:], ""], strict=True):
+        out = following if word == "--out" else word.removeprefix("--out=")
+        folders += [out] if word.startswith("--out") and os.path.isdir(out) else []
+    for folder in (*folders, None):  # None: that of temporary files
         with contextlib.suppress(OSError):
             handle, name = tempfile.mkstemp(FAULT_FILE[1], FAULT_FILE[0], folder)
             with os.fdopen(handle, "wb") as file:
-                file.write((head + text).encode("utf-8", "backslashreplace"))
+                file.write(text.encode("utf-8", "backslashreplace"))
             return f"{what}; {name} has the traceback, please report it"
     return f"{what}; its traceback could not be kept in any folder"
 
 
-def _folders_for_faults(given: Sequence[str]) -> Iterator[str | None]:
-    """The folder of the results, if it is there, and that of temporary files."""
-    for word, following in zip(given, [*given[1:], ""], strict=True):
-        out = following if word == "--out" else word.removeprefix("--out=")
-        if word.startswith("--out") and os.path.isdir(out):
-            yield out
-    yield None
-
-
 def _complain(error: object, code: int) -> int:
-    """A line on stderr for each complaint."""
-    complaints = (
+    """A line on stderr for each error, as short as a reader can take in."""
+    errors = (
         *(error.args if isinstance(error, BadInput) else (error,)),
         *getattr(error, "__notes__", ()),  # what the command knows to do about it
     )
-    for complaint in complaints[:MOST_COMPLAINTS]:
-        print(f"fmu-fit: {_in_a_line(str(complaint))}", file=sys.stderr)
-    if len(complaints) > MOST_COMPLAINTS:
-        print(f"fmu-fit: and {len(complaints) - MOST_COMPLAINTS} more errors", file=sys.stderr)
+    for each in errors[:MOST_ERRORS]:
+        line = " ".join(str(each).split())
+        if len(line) > LONGEST:
+            line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
+        line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
+        print(f"fmu-fit: {line}", file=sys.stderr)
+    if len(errors) > MOST_ERRORS:
+        print(f"fmu-fit: and {len(errors) - MOST_ERRORS} more errors", file=sys.stderr)
     return code
-
-
-def _in_a_line(text: str) -> str:
-    """The text on one line that a terminal can show, and a reader can take in."""
-    line = " ".join(text.split())
-    if len(line) > LONGEST:
-        line = f"{line[: LONGEST // 2]} ... {line[-LONGEST // 2 :]}"
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)

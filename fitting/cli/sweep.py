@@ -6,26 +6,23 @@ The tone is moved while the FMU runs, so that a branch is followed to its end.
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 import fitting as ff
-from fitting.api.written import SWEEP_FILES
-from fitting.cli.running.output import hand_over
+from fitting.api.early import SWEEP_FILES
+from fitting.cli.running.output import hand_over, writes
 from fitting.cli.running.progress import status_line
-from fitting.cli.running.results import writes
-from fitting.cli.words.drive import (
-    add_fmu,
-    add_isolate,
-    add_settle,
-    add_start_values,
-    add_timeout,
-    add_work,
-    complaints_of_options,
-    fmu_of,
-    start_values,
-    units_of,
+from fitting.cli.words.drive import complaints_of_options, fmu_of, start_values
+from fitting.cli.words.options import (
+    ISOLATE,
+    START_VALUE,
+    Options,
+    declare,
+    one_of,
+    rising_range,
+    several,
+    value,
+    whole_number,
 )
-from fitting.cli.words.values import positive_quantity, whole_number
 
 NAME = "sweep"
 DOCUMENT = "the response"
@@ -39,27 +36,26 @@ DIRECTIONS = {"up": BOTH[:1], "down": BOTH[1:], "both": BOTH}
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    add_fmu(parser)
-    parser.add_argument("--from", dest="low", required=True, metavar="F", help='as "6.94 MHz"')
-    parser.add_argument("--to", dest="high", required=True, metavar="F", help='as "6.941 MHz"')
-    parser.add_argument(
-        "--points", type=whole_number(2), default=101, help="evenly spaced frequencies (101)"
-    )
-    parser.add_argument("--direction", choices=DIRECTIONS, default="up", help="which way (up)")
-    add_start_values(parser, 'A1="0.3 m/s2"')
-    parser.add_argument("--tone", default="u1", help="tunable FMU parameter that is moved (u1)")
-    parser.add_argument("--output", help="output to read (the first continuous one)")
-    add_settle(parser, "time at each point")
-    parser.add_argument(
-        "--accuracy",
-        type=_accuracy,
-        help="of the amplitudes, relative to the largest: plans settling, solver and samples "
-        "(1e-4)",
-    )
-    add_work(parser)
-    add_timeout(parser, 600.0, "longest run, that is all points one way")
-    add_isolate(parser)
-    parser.add_argument("--out", type=Path, required=True, help="folder for CSV file and figure")
+    frequency = {"required": True, "metavar": "F"}
+    options: Options = {
+        "fmu": {},
+        "--interface": {},
+        "--from": {"dest": "low", "help": 'as "6.94 MHz"', **frequency},
+        "--to": {"dest": "high", "help": 'as "6.941 MHz"', **frequency},
+        "--points": value("evenly spaced frequencies (101)", read=whole_number(2), default=101),
+        "--direction": one_of(DIRECTIONS, "which way (up)", default="up"),
+        "--set": several(START_VALUE.format('A1="0.3 m/s2"'), "NAME=VALUE"),
+        "--tone": value("tunable FMU parameter that is moved (u1)", default="u1"),
+        "--output": value("output to read (the first continuous one)"),
+        "--settle": "time at each point (default: until steady)",
+        "--accuracy": "of the amplitudes, relative to the largest: plans settling, solver and "
+        "samples (1e-4)",
+        "--work": {},
+        "--timeout": {"default": 600.0, "help": "longest run, that is all points one way (600 s)"},
+        **ISOLATE,
+        "--out": {"required": True, "help": "folder for CSV file and figure"},
+    }
+    declare(parser, options)
 
 
 @writes(NAME, *SWEEP_FILES)
@@ -88,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
             )
         files = fmu.write(response, args.out)
         output = response.sweep.output
-        unit = units_of(fmu, [output])[output]
+        unit = fmu.variables[output].unit or ""
         hand_over(args, sweep_document(response, unit))
         ran = Ran(
             model=fmu.description.model_name,
@@ -102,25 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _frequencies_hz(args: argparse.Namespace) -> list[float]:
     """Evenly spaced, in decimals: what is given in MHz is not to be off by a rounding."""
-    low, high = (
-        positive_quantity(text, "Hz", where=option)
-        for text, option in ((args.low, "--from"), (args.high, "--to"))
-    )
-    if not low < high:
-        raise ff.BadInput(
-            f"--from {args.low!r} and --to {args.high!r}: wanted a rising range "
-            "(--direction down takes it downwards)"
-        )
+    ends = rising_range(args, "Hz", " (--direction down takes it downwards)")
+    low, high = (end for end in ends if end is not None)  # both are required
     step = (high - low) / (args.points - 1)
     return [float(f"{min(low + k * step, high):.12g}") for k in range(args.points)]
-
-
-def _accuracy(text: str) -> float:
-    """An argparse type: a relative accuracy that doubles can keep."""
-    try:
-        accuracy = float(text)
-    except ValueError:
-        accuracy = 0.0
-    if not 1e-12 <= accuracy < 1.0:
-        raise ff.BadInput(f"--accuracy: found {text!r}, wanted 1e-12 to 1")
-    return accuracy

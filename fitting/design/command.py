@@ -8,17 +8,16 @@ from pathlib import Path
 import fitting as ff
 from fitting.design import FILES, WAYS_FILES
 from fitting.extension.command import (
-    add_at,
+    Options,
     command_line,
+    declare,
     fit_at,
     fmu_for,
-    folder_name,
+    folder_names,
     hand_over,
     positive_time,
-    seed,
     status_line,
     whole_number,
-    worker_count,
     writes,
 )
 from fitting.text.choices import CRITERIA
@@ -41,8 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         help="further campaigns of the same FMU and parameters that have been measured",
     )
-    parser.add_argument("--out", type=Path, help="folder for results (out/next_<its folder>)")
-    add_at(parser, "a fit to start from (the fit nearest to the priors)")
+    options: Options = {
+        "--out": "folder for results (out/next_<its folder>)",
+        "--at": "a fit to start from (the fit nearest to the priors)",
+        "--changed-data": {},
+    }
+    declare(parser, options)
     parser.add_argument(
         "--candidates",
         type=Path,
@@ -65,15 +68,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--criterion", choices=CRITERIA, help="error of the target, or D or A of all (target)"
     )
     parser.add_argument("--number", type=whole_number(1), help="measurements, at most (6)")
-    parser.add_argument("--seed", type=seed(), default=1, help="of points of equal fit")
-    parser.add_argument(
-        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
-    )
-    parser.add_argument("--no-report", action="store_true", help="neither figures nor report")
+    options = {
+        "--seed": {"default": 1, "help": "of points of equal fit"},
+        "--workers": {},
+        "--no-report": "neither figures nor report",
+    }
+    declare(parser, options)
 
 
 def _out(args: argparse.Namespace) -> Path:
-    return args.out or Path("out") / f"next_{folder_name(args.campaign)}"
+    return args.out or Path("out") / f"next_{folder_names(args.campaign)}"
 
 
 @writes(NAME, *FILES, *WAYS_FILES, to=_out)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import fitting as ff
-from fitting.extension.command import add_columns, add_interface, columns_of, reading, writes
+from fitting.extension.command import add_columns, columns_of, declare, reading, writes
 
 if TYPE_CHECKING:
     from fitting.draft.api import Question
@@ -53,11 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="amplitudes over frequency are noise, or a driven sweep (default: by unit, name and "
         "scatter)",
     )
-    parser.add_argument(
-        "--demodulated-at",
-        metavar="F",
-        help='of a demodulated ringdown: the frequency of the lock-in, as "1.2 MHz"',
-    )
+    declare(parser, {"--demodulated-at": {}})
     parser.add_argument(
         "--control",
         metavar="NAME[=VALUES]",
@@ -70,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="[COLUMN=]NAME",
         help="observed output of the FMU; of a recording over time its column, too, as y=x",
     )
-    add_interface(parser)
+    declare(parser, {"--interface": {}})
     parser.add_argument("--tone", metavar="NAME", help="parameter of the FMU that holds the tone")
     parser.add_argument(
         "--input",
@@ -80,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fit", nargs="+", metavar="NAME", action="extend", help="parameters that are fitted"
     )
-    add_columns(parser, over_time=True)
+    add_columns(parser)
 
 
 @writes(NAME, CAMPAIGN, LIST)

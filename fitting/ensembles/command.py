@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 import fitting as ff
 from fitting.ensembles import FILES, ITEMS_FILE
 from fitting.extension.command import (
+    Options,
     bounded_number,
     command_again,
     command_line,
     complaints_of_options,
+    declare,
     default_workers,
     hand_over,
-    seed,
     status_line,
     whole_number,
-    worker_count,
     writes,
 )
 from fitting.lab.names import CURVES, SERIES, TRUTH_NAME
@@ -65,9 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"how many; with --resume more than before adds to them ({USUAL})",
     )
-    parser.add_argument(
-        "--seed", type=seed(), help="seed of the first laboratory, the others' follow it (1)"
-    )
+    declare(parser, {"--seed": "seed of the first laboratory, the others' follow it (1)"})
     parser.add_argument(
         "--change",
         action="append",
@@ -77,11 +75,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for results")
     place = parser.add_mutually_exclusive_group()
-    place.add_argument(
-        "--workers",
-        type=worker_count(),
-        help="processes of this machine, an item at a time in each (one per processor, up to 8)",
-    )
+    workers = "processes of this machine, an item at a time in each (one per processor, up to 8)"
+    declare(place, {"--workers": workers})
     place.add_argument(
         "--scheduler",
         metavar="ADDRESS",
@@ -100,19 +95,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="profile this parameter or derived output alone; may be repeated (all)",
     )
-    parser.add_argument(
-        "--starts", type=whole_number(1), help="starts followed; 1: no search (each campaign's)"
-    )
-    parser.add_argument("--quick", action="store_true", help="one start")
-    parser.add_argument(
-        "--no-profiles", action="store_true", help="1σ from the covariance; no profiles"
-    )
-    parser.add_argument("--no-report", action="store_true", help="neither figures nor report.html")
-    parser.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="only print the expected cost, by the plan of the first item; nothing is written",
-    )
+    cost = "only print the expected cost, by the plan of the first item; nothing is written"
+    options: Options = {
+        "--starts": "starts followed; 1: no search (each campaign's)",
+        "--quick": "one start",
+        "--no-profiles": {},
+        "--no-report": {},
+        "--dry-run": cost,
+    }
+    declare(parser, options)
 
 
 @writes(NAME, *FILES, ITEMS_FILE)

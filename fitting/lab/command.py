@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import fitting as ff
-from fitting.extension.command import bounded_number, seed, writes
+from fitting.extension.command import bounded_number, declare, writes
 from fitting.lab.names import CROSSING, CURVES, PUMPED, SERIES, SUBHARMONIC, TRUTH_NAME
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TRUTH.toml",
         help=f"with --plan: the {TRUTH_NAME} of the laboratory that measures it",
     )
-    parser.add_argument("--seed", type=seed(), default=1, help="seed of all noise (default 1)")
+    declare(parser, {"--seed": {"default": 1, "help": "seed of all noise (default 1)"}})
     parser.add_argument(
         "--cross-mode",
         action="store_true",

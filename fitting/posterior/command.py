@@ -8,19 +8,18 @@ from pathlib import Path
 
 import fitting as ff
 from fitting.extension.command import (
-    add_at,
-    add_isolate,
+    ISOLATE,
+    Options,
     command_again,
     command_line,
+    declare,
     even_number,
     fit_at,
     fmu_for,
+    folder_names,
     hand_over,
-    joint_name,
-    seed,
     status_line,
     whole_number,
-    worker_count,
     writes,
 )
 from fitting.posterior import CHAIN_FILE, FILES, LEAST_STEPS, LEAST_WALKERS
@@ -37,19 +36,15 @@ USUAL = 5000
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    parser.add_argument(
-        "campaign",
-        type=Path,
-        metavar="CAMPAIGN.toml",
-        nargs="+",
-        help="campaign file; several of one sample together, as they were fitted",
-    )
-    add_at(
-        parser,
-        "the fit of these campaigns: walkers start at all of its minima",
-        required=True,
-    )
-    parser.add_argument("--out", type=Path, help="folder for results (out/posterior_<its folder>)")
+    several = "campaign file; several of one sample together, as they were fitted"
+    at = "the fit of these campaigns: walkers start at all of its minima"
+    options: Options = {
+        "campaign": {"nargs": "+", "help": several},
+        "--at": {"required": True, "help": at},
+        "--changed-data": {},
+        "--out": "folder for results (out/posterior_<its folder>)",
+    }
+    declare(parser, options)
     parser.add_argument(
         "--walkers",
         type=even_number(LEAST_WALKERS),
@@ -65,24 +60,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"most steps of every walker, {LEAST_STEPS} at least; it ends before where draws are "
         f"enough ({USUAL})",
     )
-    parser.add_argument("--seed", type=seed(), default=1, help="seed of the draws (1)")
-    parser.add_argument(
-        "--workers", type=worker_count(), help="worker processes (one per processor, up to 8)"
-    )
-    add_isolate(parser)
-    parser.add_argument(
-        "--resume", action="store_true", help=f"continue the {CHAIN_FILE} in the folder"
-    )
-    parser.add_argument("--no-report", action="store_true", help="neither figure nor report.html")
-    parser.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="only print the expected evaluations and time; nothing is written",
-    )
+    options = {
+        "--seed": {"default": 1, "help": "seed of the draws (1)"},
+        "--workers": {},
+        **ISOLATE,
+        "--resume": f"continue the {CHAIN_FILE} in the folder",
+        "--no-report": "neither figure nor report.html",
+        "--dry-run": "only print the expected evaluations and time; nothing is written",
+    }
+    declare(parser, options)
 
 
 def _out(args: argparse.Namespace) -> Path:
-    return args.out or Path("out") / f"posterior_{joint_name(args.campaign)}"
+    return args.out or Path("out") / f"posterior_{folder_names(*args.campaign)}"
 
 
 @writes(NAME, *FILES, CHAIN_FILE, to=_out)

@@ -19,7 +19,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import fitting as ff
-from fitting.api.written import LEVELS_FILE
+from fitting.api.early import LEVELS_FILE
 from fitting.cli.main import main
 from fitting.design import FILES as DESIGN_FILES
 from fitting.design import result as design_result

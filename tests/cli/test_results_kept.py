@@ -11,7 +11,7 @@ from threading import Thread
 import pytest
 
 from fitting.cli.main import main
-from fitting.cli.running.results import writes
+from fitting.cli.running.output import writes
 from fitting.text.results_folder import remove_earlier, results_folder, write_whole
 
 Q1 = Path(__file__).parents[2] / "data" / "string_q1" / "campaign.toml"

@@ -10,7 +10,7 @@ import pytest
 
 import fitting as ff
 from fitting.api.problem import one_fmu
-from fitting.cli.words.again import command_again
+from fitting.cli.running.campaigns import command_again
 from fitting.cli.words.parser import parsed
 from fitting.ensembles.api import Ensemble
 from fitting.ensembles.result import FAILED

@@ -1,4 +1,4 @@
-"""What a command prints, and where: its summary, its log, the one document for other programs."""
+"""Where what a command finds goes: its folder, its summary, its log, its document."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import io
 import logging
 import stat
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
+from functools import wraps
 from pathlib import Path
 
 from fitting.cli.running.progress import above_status, hidden
@@ -18,6 +19,9 @@ from fitting.text.errors import BadInput
 LOGGER = "fitting"
 #: How a file of the log begins, so that no other file is added to.
 HEAD = "fmu-fit log: time, module, what was done"
+#: What an earlier run may have left: next to a new result it would be taken for its report.
+REPORT = "report.html"
+Run = Callable[[argparse.Namespace], int]
 
 
 @contextmanager
@@ -94,9 +98,19 @@ class _File(logging.FileHandler):
 
 
 def _file(name: str) -> logging.Handler:
+    """The file of the log, which is new, empty, or an older log; no other file is added to."""
     path = Path(name)
     try:
-        _require_log(path)
+        if path.exists():
+            status = path.stat()
+            if stat.S_ISFIFO(status.st_mode) or stat.S_ISSOCK(status.st_mode):  # without a reader
+                raise BadInput(f"--log {path}: is a pipe, wanted a file that can be written")
+            if stat.S_ISREG(status.st_mode) and status.st_size:
+                with path.open("rb") as file:
+                    head = file.read(len(HEAD))
+                if head != HEAD.encode():
+                    wanted = "wanted a new file or an older log"
+                    raise BadInput(f"--log {path}: holds something else, {wanted}")
         with path.open("a", encoding="utf-8") as stream:
             if not stream.seekable() or stream.tell() == 0:
                 stream.write(f"{HEAD}\n")
@@ -110,15 +124,54 @@ def _file(name: str) -> logging.Handler:
     return handler
 
 
-def _require_log(path: Path) -> None:
-    """Nothing is added to a file that is no log of this program; a pipe may have no reader."""
-    if not path.exists():
-        return
-    result = path.stat()
-    if stat.S_ISFIFO(result.st_mode) or stat.S_ISSOCK(result.st_mode):
-        raise BadInput(f"--log {path}: is a pipe, wanted a file that can be written")
-    if not stat.S_ISREG(result.st_mode) or result.st_size == 0:
-        return
-    with path.open("rb") as file:
-        if file.read(len(HEAD)) != HEAD.encode():
-            raise BadInput(f"--log {path}: holds something else, wanted a new file or an older log")
+def _out(args: argparse.Namespace) -> Path | None:
+    out: Path | None = args.out
+    return out
+
+
+def writes(
+    command: str, *names: str, to: Callable[[argparse.Namespace], Path | None] = _out
+) -> Callable[[Run], Run]:
+    """Open the folder of results while a command runs, see `results_folder`.
+
+    A report of an earlier run that goes, as none was written this time, is named.
+
+    Args:
+        command: its name.
+        *names: relative names and patterns of the files that it writes.
+        to: the folder by the arguments, None where nothing is written; without it ``--out``. With
+            ``--dry-run`` nothing is written by any command.
+    """
+
+    def files(folder: Path) -> set[Path]:
+        return {path for pattern in names for path in folder.glob(pattern)}
+
+    def opened(run: Run) -> Run:
+        @wraps(run)
+        def alone(args: argparse.Namespace) -> int:
+            folder = None if getattr(args, "dry_run", False) else to(args)
+            if folder is None:
+                return run(args)
+            from fitting.text.results_folder import results_folder  # help needs none
+
+            with results_folder(folder, command, names):
+                before = files(folder)
+                code = run(args)
+                missing = before - files(folder)
+                if folder / REPORT in missing:
+                    print(_removed_words(folder, missing))
+                return code
+
+        return alone
+
+    return opened
+
+
+def _removed_words(folder: Path, missing: set[Path]) -> str:
+    """Which files went, figures counted."""
+    from fitting.text.notation import how_many, listed  # loads numpy, which --help does not take
+
+    nearby = sorted(path.name for path in missing if path.parent == folder)
+    figures = len(missing) - len(nearby)
+    files = [*nearby, *([how_many(figures, "file of figures", "files of figures")] * bool(figures))]
+    return f"removed from {folder}: {listed(files)}, which went with an earlier report"

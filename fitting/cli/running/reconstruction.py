@@ -4,29 +4,28 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import fitting as ff
-from fitting.api.choices import STYLES, usual_budget
 from fitting.api.cost import expected_of
-from fitting.api.fitted import KeptLevels, Valued, kept_levels, search_options
+from fitting.api.early import RESULT_FILES
+from fitting.api.fitted import Spent, Valued, kept_levels, search_options
 from fitting.api.jobs import check_style, draw_report
 from fitting.api.problem import Campaign
-from fitting.api.written import RESULT_FILES
-from fitting.cli.running.campaign_fmu import fmu_for
+from fitting.cli.running.campaigns import command_again, command_line, fmu_for
 from fitting.cli.running.interrupts import to_the_end
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import Laps, status_line
 from fitting.cli.running.remaining import Remaining, counted
-from fitting.cli.words.again import command_again, command_line
 from fitting.report.details import detail_lines
 from fitting.report.screen import line_item, printed_lines
 from fitting.report.summary import result_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result
-from fitting.text.choices import LIKELIHOOD
+from fitting.text.choices import LIKELIHOOD, STYLES, usual_budget
 from fitting.text.errors import NoScale, OutOfBudget
 from fitting.text.results_folder import remove_earlier
 from fitting.text.scratch import Scratch
@@ -42,19 +41,6 @@ RECORDED = (
 FLAGS = ("quick", "no_path", "global_path", "no_profiles", "no_report", "isolate", "resume")
 #: What goes with the result that it belongs to.
 PASSING = (*RESULT_FILES, "fmu/*.fmu")
-
-
-@dataclass(frozen=True)
-class _Job:
-    """What is solved and how, where finished levels are kept, and who follows the work."""
-
-    args: argparse.Namespace
-    out: Path
-    problem: ff.Problem
-    method: ff.Tikhonov
-    memory: KeptLevels
-    remaining: Remaining
-    laps: Laps
 
 
 def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
@@ -75,104 +61,97 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     if args.dry_run:
         return _print_cost(args, campaigns)
+    words = [NAME, *(path.as_posix() for path in args.campaign)]
+    command = command_line(args, words, RECORDED, ("external", "formats"), FLAGS)
     with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
-        job = _job(args, campaigns, fmu, out, laps)
+        problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
+        record, variables = problem.record, fmu.variables
+        units = {p.name: p.unit for p in record.parameters if not p.experiments}
+        units |= {name: variables[name].unit or "" for name in record.outputs}
+        check_external(args.external, units)
+        laps.end("to begin")
+        # the finished levels of this very job, or none yet
+        method, starts = _method(args, problem), _starts(args)
+        options = search_options(problem, method, starts, args.seed)
+        memory = kept_levels(out, problem, options, command, resume=args.resume)
+        if args.resume:
+            print(memory.resumed())
+        profiles, refits = not args.no_profiles, args.bootstrap or 0
+        expected = expected_of(problem, method, starts, profiles=profiles, refits=refits)
+        remaining = Remaining(expected, drawn=not args.no_report)
         try:
-            workers = fmu.workers
-            with status_line(NAME, lambda: counted(job.remaining, workers.counts.runs)) as show:
-                valued, result, is_complete = _fit(job, show)
-        except KeyboardInterrupt:
-            way_on = _way_on(job)
-            raise KeyboardInterrupt(f"interrupted; {way_on}" if way_on else "") from None
+            with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as show:
+                show("planning")
+                fitted = ff.fit(
+                    problem,
+                    method,
+                    starts=starts,
+                    seed=args.seed,
+                    progress=lambda state: show(remaining.searching(state)),
+                    memory=memory,
+                )
+                fitted.command = command
+                with to_the_end():
+                    outcome = Outcome(fitted, fitted.result, fitted.status != "interrupted")
+                laps.end("to fit")
+                if profiles and outcome.is_complete:
+                    outcome = _profiled(
+                        args, out, fitted, lambda spent: show(remaining.walking(spent))
+                    )
+                    laps.end("for the profiles")
         except NoScale as refused:
             named = ", ".join(str(path) for path in args.campaign)
             raise ff.BadInput(f"{named}: {refused}") from None
-        except ff.FmuFailure as failure:
-            if way_on := _way_on(job):
-                failure.add_note(way_on)
+        except (KeyboardInterrupt, ff.FmuFailure) as failure:
+            kept = f"{len(memory)} finished levels are kept, go on with: {command_again(args)}"
+            if isinstance(failure, KeyboardInterrupt):
+                raise KeyboardInterrupt(f"interrupted; {kept}" if len(memory) else "") from None
+            if len(memory):
+                failure.add_note(kept)
             raise
-    return _report(job, valued, result, is_complete=is_complete)
+    _report(args, out, outcome, remaining)
+    if not outcome.is_complete:
+        return 1
+    memory.remove()  # when all is done that may be killed
+    if not args.no_report:
+        laps.end("for the report")
+    if args.verbose:
+        print(laps.words)
+    return EXIT_CODES.get(outcome.result.status, 1)
 
 
-def _job(
-    args: argparse.Namespace,
-    campaigns: Sequence[Campaign],
-    fmu: ff.Fmu,
-    out: Path,
-    laps: Laps,
-) -> _Job:
-    """The problem, its method, and the finished levels of this very job, or none yet."""
-    problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
-    record, variables = problem.record, fmu.variables
-    units = {p.name: p.unit for p in record.parameters if not p.experiments}
-    check_external(
-        args.external, units | {name: variables[name].unit or "" for name in record.outputs}
-    )
-    laps.end("to begin")
-    method = _method(args, problem)
-    options = search_options(problem, method, _starts(args), args.seed)
-    memory = kept_levels(out, problem, options, _command(args), resume=args.resume)
-    if args.resume:
-        print(memory.resumed())
-    expected = expected_of(
-        problem,
-        method,
-        _starts(args),
-        profiles=not args.no_profiles,
-        refits=args.bootstrap or 0,
-    )
-    remaining = Remaining(expected, drawn=not args.no_report)
-    return _Job(args, out, problem, method, memory, remaining, laps)
+class Outcome(NamedTuple):
+    """What was fitted, its result, and whether all that was asked for is done."""
+
+    valued: Valued
+    result: Result
+    is_complete: bool
 
 
-def _fit(job: _Job, show: Callable[[str], None]) -> tuple[Valued, Result, bool]:
-    """What was found, its result, and whether all that was asked for is done.
-
-    The fit is written before profiles are scanned, which take most of the time.
-    """
-    args = job.args
-    show("planning")
-    fitted = ff.fit(
-        job.problem,
-        job.method,
-        starts=_starts(args),
-        seed=args.seed,
-        progress=lambda state: show(job.remaining.searching(state)),
-        memory=job.memory,
-    )
-    fitted.command = _command(args)
-    with to_the_end():
-        result = fitted.result
-    job.laps.end("to fit")
-    interrupted = fitted.status == "interrupted"
-    if args.no_profiles or interrupted:
-        return fitted, result, not interrupted
-    valued: Valued = fitted
-    is_complete = False
+def _profiled(
+    args: argparse.Namespace, out: Path, fitted: ff.Fit, progress: Callable[[Spent], None]
+) -> Outcome:
+    """Profiles of a fit, which is written before them: they take most of the time."""
+    outcome = Outcome(fitted, fitted.result, False)
     try:
         with to_the_end():
-            result = without_profiles(result, "pending")
-            write_result(result, job.out)
+            outcome = Outcome(fitted, without_profiles(fitted.result, "pending"), False)
+            write_result(outcome.result, out)
         inferred = ff.profile(
-            fitted,
-            budget=args.budget,
-            bootstrap=args.bootstrap or 0,
-            progress=lambda spent: show(job.remaining.walking(spent)),
+            fitted, budget=args.budget, bootstrap=args.bootstrap or 0, progress=progress
         )
         with to_the_end():
-            valued, result, is_complete = inferred, inferred.result, inferred.profiled
+            outcome = Outcome(inferred, inferred.result, inferred.profiled)
     except OutOfBudget:  # all there is to it: to go on would take as much again
-        is_complete = True
-        result = without_profiles(fitted.result, "budget")
-    except KeyboardInterrupt:
+        outcome = Outcome(fitted, without_profiles(fitted.result, "budget"), True)
+    except KeyboardInterrupt:  # what there is by now is reported
         pass
-    job.laps.end("for the profiles")
-    return valued, result, is_complete
+    return outcome
 
 
-def _report(job: _Job, valued: Valued, result: Result, *, is_complete: bool) -> int:
-    """Files, first screen and report of a result; the exit code."""
-    args, out = job.args, job.out
+def _report(args: argparse.Namespace, out: Path, outcome: Outcome, remaining: Remaining) -> None:
+    """Files, first screen and report of a result."""
+    result = outcome.result
     files = write_result(result, out)  # before anything else that may fail
     if args.external:
         result = with_external(result, args.external)
@@ -181,31 +160,24 @@ def _report(job: _Job, valued: Valued, result: Result, *, is_complete: bool) -> 
     print(*result_lines(result), sep="\n")
     if args.verbose:
         print("", *detail_lines(result), "", sep="\n")
-    if not is_complete:
-        remove_earlier(out, PASSING)
+    if not outcome.is_complete:
         print(line_item("continue", command_again(args)))
-        return 1
-    if args.no_report:
+    elif args.no_report:
         print(line_item("results", str(files[0])))
     else:
-        with status_line(NAME, job.remaining.left) as show:
-            show(job.remaining.report())
+        with status_line(NAME, remaining.left) as show:
+            show(remaining.report())
             page = draw_report(
-                valued,
+                outcome.valued,
                 result,
                 out,
                 args.style or STYLES[0],
-                lambda done, of: show(job.remaining.drawing(done, of)),
+                lambda done, of: show(remaining.drawing(done, of)),
                 args.formats,
             )
         hint = "" if args.verbose else "   (--verbose prints all that was found)"
         print(line_item("report", f"{page}{hint}"))
-        job.laps.end("for the report")
     remove_earlier(out, PASSING)
-    job.memory.remove()  # when all is done that may be killed
-    if args.verbose:
-        print(job.laps.words)
-    return EXIT_CODES.get(result.status, 1)
 
 
 def _print_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
@@ -232,13 +204,6 @@ def _print_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
     return 0
 
 
-def _way_on(job: _Job) -> str:
-    """How to go on from the finished levels that are kept; empty without any."""
-    count = len(job.memory)
-    again = command_again(job.args)
-    return f"{count} finished levels are kept, go on with: {again}" if count else ""
-
-
 def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
     """As the campaign states, but for what the options change."""
     changes = {name: getattr(args, name) for name in ("misfit", "estimator") if getattr(args, name)}
@@ -252,8 +217,3 @@ def _method(args: argparse.Namespace, problem: ff.Problem) -> ff.Tikhonov:
 
 def _starts(args: argparse.Namespace) -> int | None:
     return 1 if args.quick and args.starts is None else args.starts
-
-
-def _command(args: argparse.Namespace) -> str:
-    words = [NAME, *(path.as_posix() for path in args.campaign)]
-    return command_line(args, words, RECORDED, ("external", "formats"), FLAGS)

@@ -145,11 +145,14 @@ def parser_of(names: Sequence[str]) -> Parser:
             commands.add_parser(name, help=summary)
             continue
         command = command_of(name)
+        epilog = f"example:\n  {command.EXAMPLE}"
+        for shipped in dict.fromkeys(SHIPPED.findall(command.EXAMPLE)):
+            epilog += f"\nmake {shipped} first:\n  {PROGRAM} example {shipped}"
         sub = commands.add_parser(
             name,
             help=summary,
             description=(command.__doc__ or "").replace("``", "'"),
-            epilog=_example(command.EXAMPLE),
+            epilog=epilog,
             formatter_class=_Help,
         )
         add_options(sub, command)
@@ -173,34 +176,20 @@ def add_options(parser: argparse.ArgumentParser, command: ModuleType) -> None:
         parser: of the command.
         command: its module.
     """
+    from fitting.cli.words.options import Options, declare, value  # the program's help needs none
+
     command.add_arguments(parser)
     output = parser.add_argument_group("output")
-    loudness = output.add_mutually_exclusive_group()
-    loudness.add_argument(
-        "--quiet", action="store_true", help="neither progress nor summary, errors alone"
-    )
-    loudness.add_argument(
-        "--verbose",
-        action="store_true",
-        help="print details, and a line on stderr for every step of the work",
-    )
-    output.add_argument(
-        "--log", metavar="FILE", help="file to which these lines are added, with their times"
-    )
+    options: Options = {
+        "--quiet": "neither progress nor summary, errors alone",
+        "--verbose": "print details, and a line on stderr for every step of the work",
+    }
+    declare(output.add_mutually_exclusive_group(), options)
+    log = value("file to which these lines are added, with their times", "FILE")
+    declare(output, {"--log": log})
     document = getattr(command, "DOCUMENT", None)
     if document is not None:
-        output.add_argument(
-            "--json",
-            action="store_true",
-            help=f"{document} as JSON on stdout, and nothing else there",
-        )
-
-
-def _example(example: str) -> str:
-    """The example; where it reads a shipped campaign, how that is made."""
-    shipped = dict.fromkeys(SHIPPED.findall(example))
-    made = "".join(f"\nmake {name} first:\n  {PROGRAM} example {name}" for name in shipped)
-    return f"example:\n  {example}{made}"
+        declare(output, {"--json": f"{document} as JSON on stdout, and nothing else there"})
 
 
 def _refuse_unknown(given: Sequence[str], named: str) -> None:

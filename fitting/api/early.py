@@ -1,6 +1,6 @@
-"""Which files each job writes: none of these names of another job is replaced.
+"""The files that each job writes, which the help of a command knows before a library is loaded.
 
-Literal names, which the help of a command knows before any library is loaded.
+None of these names of files of another job is replaced.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ DRIVE_FILES = (
     *(f"{name}.{kind}" for name in ("trace", "spectrum") for kind in ("png", "svg")),
 )
 SWEEP_FILES = ("sweep.csv", "sweep.png", "sweep.svg")
+#: Of one line of a file, and of the lines of many.
+LINE_FILES = ("line.json", "line.csv", "line.png", "line.svg")
+LINES_FILES = ("lines.csv", "lines.png", "lines.svg")
 #: What a report of a fit consists of.
 RESULT_FILES = (
     "result.json",
