@@ -115,7 +115,7 @@ def measure_costs(workers: FmuWorkers, run: Run) -> Costs:
         FmuFailure: a run did not end in its time, or one that went well before now fails.
     """
     first = _spent(workers, [run])
-    anew = workers.reused is not True
+    anew = workers.verdict.reused is not True
     most = MOST_NEW if anew else MOST_RUNS
     if anew and workers.description.one_instance_per_process:
         most = 1  # each is a process of its own

@@ -54,17 +54,18 @@ def try_resets(workers: FmuWorkers, run: Run) -> Resets:
         elif np.array_equal(results[0], results[1], equal_nan=True):
             idle.append(name)
     acting = {name: other for name, other in others.items() if name not in refused}
-    kept = () if workers.resets_end else _kept(workers, run, acting)
+    kept = () if workers.verdict.ended else _kept(workers, run, acting)
+    verdict = workers.verdict
     return Resets(
-        reuse=workers.reuse_note,
-        true=not (kept or workers.reset_lies),
+        reuse=verdict.note,
+        true=not (kept or verdict.lied),
         kept=kept,
         unvaried=tuple(refused),
         idle=tuple(idle),
         step_s=run.sample_step_s,
         steps=run.samples - 1,
         idle_steps=run.samples - 1,
-        fails=workers.reset_failure,
+        fails=verdict.failure,
     )
 
 

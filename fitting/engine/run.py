@@ -15,7 +15,7 @@ from concurrent.futures import (
     Future,
     wait,
 )
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import islice
@@ -171,7 +171,16 @@ def opened(where: Where, files: Sequence[NeededFile]) -> Iterator[Place]:
     if isinstance(where, Executor):
         yield Place(where)
     elif isinstance(where, str):
-        with _cluster(where, files) as place:
+        try:
+            from fitting.engine.cluster import cluster  # who has no cluster needs no such package
+        except ImportError as error:
+            if error.name not in ("dask", "distributed"):
+                raise
+            raise BadInput(
+                "scheduler: wants the package distributed; install fmu-fit[cluster], here and on "
+                "the workers"
+            ) from None
+        with cluster(where, files) as place:
             yield place
     else:
         if not 1 <= where <= MOST_WORKERS:
@@ -182,16 +191,3 @@ def opened(where: Where, files: Sequence[NeededFile]) -> Iterator[Place]:
             executor.shutdown()
         finally:
             executor.shutdown(wait=False)
-
-
-def _cluster(scheduler: str, files: Sequence[NeededFile]) -> AbstractContextManager[Place]:
-    try:
-        from fitting.engine.cluster import cluster  # who has no cluster needs no such package
-    except ImportError as error:
-        if error.name not in ("dask", "distributed"):
-            raise
-        raise BadInput(
-            "scheduler: wants the package distributed; install fmu-fit[cluster], here and on the "
-            "workers"
-        ) from None
-    return cluster(scheduler, files)

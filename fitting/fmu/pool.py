@@ -23,7 +23,7 @@ from fitting.fmu.isolation import Isolation
 from fitting.fmu.runs import Counts, Run, RunRequest, RunRequests
 from fitting.fmu.worker.messages import NotAnAnswer, Reply, Task
 from fitting.fmu.worker.process import WorkerProcess
-from fitting.fmu.worker.reuse import ANEW, Verdict, refused
+from fitting.fmu.worker.reuse import Verdict, refused
 from fitting.text.arrays import FloatArray, is_real, is_whole
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, shown
 from fitting.text.scratch import Scratch
@@ -34,8 +34,6 @@ POLL_S = 0.1
 CLOSING_S = 2.0
 #: How long others may go on with a batch that has failed: about what it takes to start them anew.
 SPARED_S = 0.3
-#: The runs before have left it so: those under way are not to blame.
-AFTER_FAILURE = "it did not get over a run that failed"
 MEDDLED = "wrote into the pipe by which its process answers"
 MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
 #: Runs that a worker is sent at once: it holds all of them, and what they gave.
@@ -183,32 +181,16 @@ class FmuWorkers:
         return tuple(worker.pid for worker in self._open.processes if worker is not None)
 
     @property
-    def reuse_note(self) -> str:
-        """A sentence: whether instances are reset and reused or new for every run, and why."""
-        notes = {verdict.reused: verdict.note for verdict in self._verdicts}
-        return notes.get(False) or notes.get(True) or notes[None]
-
-    @property
-    def reused(self) -> bool | None:
-        """Whether instances are reset and reused; None where nothing has decided that yet."""
-        values = {verdict.reused for verdict in self._verdicts}
-        return False if False in values else True if True in values else None
-
-    @property
-    def reset_lies(self) -> bool:
-        """Whether a reset that was called OK left something behind."""
-        return any(verdict.lied for verdict in self._verdicts)
-
-    @property
-    def reset_failure(self) -> str:
-        """How a reset failed, or ended the process; empty: none did."""
-        values = (v.note for v in self._verdicts if v.ended or v.failed)
-        return next((note.removeprefix(ANEW) for note in values), "")
-
-    @property
-    def resets_end(self) -> bool:
-        """Whether a reset ended the process, or never ended itself."""
-        return any(verdict.ended for verdict in self._verdicts)
+    def verdict(self) -> Verdict:
+        """Whether instances are reset and reused, and what resets did, in all workers."""
+        # a reset that failed comes first, then what one worker has refused, and has proven
+        first = min(self._verdicts, key=lambda v: (not v.failure, v.reused is None, v.reused))
+        return replace(
+            first,
+            ended=any(v.ended for v in self._verdicts),
+            lied=any(v.lied for v in self._verdicts),
+            failed=any(v.failed for v in self._verdicts),
+        )
 
     def alone(self) -> AbstractContextManager[object]:
         """Within, no other thread runs the FMU by these workers."""
@@ -303,7 +285,13 @@ class FmuWorkers:
                 except NotAnAnswer as error:
                     how = f"{MEDDLED} ({error})"
             if reply is not None:
-                self._take(number, reply, job)
+                remaining = self._keep(number, reply, job)
+                if remaining and reply.failure is None:
+                    self._send(number, job)
+                    continue
+                del job.todo[number]
+                if reply.failure is not None:
+                    raise self._failure(reply.failure, job, remaining[0])
             elif ended or (not how and worker.has_ended):
                 self._replace_ended(number, worker, job)
             elif how:
@@ -314,17 +302,6 @@ class FmuWorkers:
                 how = f"gave no answer within {self._timeout_s:g} s and was stopped"
                 how += f"; {self._timeout_name} sets that limit"
                 self._blame(number, worker, job, how, NoAnswer)
-
-    def _take(self, number: int, reply: Reply, job: _Job) -> None:
-        """Results of a reply, and its failure."""
-        remaining = self._keep(number, reply, job)
-        if reply.failure is not None:
-            del job.todo[number]
-            raise self._failure(reply.failure, job, remaining[0])
-        if remaining:
-            self._send(number, job)
-        else:
-            del job.todo[number]
 
     def _keep(self, number: int, reply: Reply, job: _Job) -> list[int]:
         """Take what a reply holds; numbers of the runs that its worker has still to do."""
@@ -369,11 +346,8 @@ class FmuWorkers:
 
     def _replace_ended(self, number: int, worker: WorkerProcess, job: _Job) -> None:
         """Do again once what somebody has killed; what the FMU itself has ended, it would again."""
-        if worker.has_failed:
-            self._replace(number, job, AFTER_FAILURE)
-            return
         how, killed_by, goes_on = worker.death()
-        if not killed_by:
+        if worker.has_failed or not killed_by:
             # what has become another program does that whatever its values are
             self._blame(number, worker, job, how, NoAnswer if goes_on else FmuFailure)
         elif number in job.repeated:
@@ -393,7 +367,8 @@ class FmuWorkers:
     ) -> None:
         """Go on without reuse if a reset was only being tried; else fail."""
         if worker.has_failed:
-            self._replace(number, job, AFTER_FAILURE)
+            # the runs before have left it so: those under way are not to blame
+            self._replace(number, job, "it did not get over a run that failed")
             return
         at, in_trial = _run_of(number, worker, job), worker.in_trial
         if worker.is_freeing:

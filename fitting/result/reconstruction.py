@@ -73,7 +73,7 @@ def result_through(
     if rest:
         dropped = DROPPED in workers.warnings
         notes = (phrase("findings", "fmu_elsewhere", rest, MOST_KINDS, dropped),)
-    reuse = workers.reuse_note
+    reuse = workers.verdict.note
     provenance = replace(
         provenance_of(problem, identity, fit.options),
         plan=(*planned.sentences, f"{reuse[0].upper()}{reuse[1:]}."),

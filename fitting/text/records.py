@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 import json
 import math
 import types
@@ -21,6 +22,7 @@ from fitting.text.files import read_whole
 from fitting.text.results_folder import write_whole
 
 Record = TypeVar("Record")
+_hints = functools.cache(typing.get_type_hints)  # many records of a kind are read
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -119,7 +121,7 @@ def _decode(kind: Any, data: Any, where: str) -> Any:
 
 def _decode_record(kind: Any, data: Any, where: str) -> Any:
     _check(isinstance(data, dict), data, "an object", where)
-    hints = typing.get_type_hints(kind)
+    hints = _hints(kind)
     fields = {f.name: f for f in dataclasses.fields(kind)}
     for name in data:
         _check(name in fields, name, f"one of {', '.join(fields)}", where)

@@ -214,7 +214,7 @@ def test_a_run_that_fails_costs_an_instance_and_no_process(good: Path, misbehave
     with FmuWorkers(good) as workers:
         other = replace(calm, start_values={**calm.start_values, "force": 2.0})
         before, _, _ = workers.run([calm, other, calm])
-        assert workers.reused
+        assert workers.verdict.reused
         instances = workers.counts.instances
         for _ in range(3):
             with pytest.raises(FmuFailure):
@@ -356,12 +356,12 @@ def test_reset_is_trusted_only_where_it_works(
     before = fresh.counts.instances
     expected = fresh.run(runs)
     assert fresh.counts.instances == before + len(runs)
-    assert "asked for" in fresh.reuse_note
+    assert "asked for" in fresh.verdict.note
     with FmuWorkers(build_c_fmu(folder, reset=reset), timeout_s=60.0) as workers:
         clock.runs = lambda: reset == "RESET_HANGS" and in_trial(workers)
         results = workers.run(runs) + workers.run(runs)
-        assert word in workers.reuse_note
-        assert workers.reused is reused
+        assert word in workers.verdict.note
+        assert workers.verdict.reused is reused
         assert (workers.counts.instances < 5) is reused
     for result, truth in zip(results, expected + expected, strict=True):
         assert result.tobytes() == truth.tobytes()
@@ -374,9 +374,9 @@ def test_a_value_that_is_varied_later_is_checked_then(
     forces = [replace(PULLED, start_values={**START, "force": 1.0 + i}) for i in range(5)]
     with FmuWorkers(keeps_derived) as workers:
         workers.run(forces)
-        before = workers.reused
+        before = workers.verdict.reused
         results = workers.run(stiffness_runs(4))
-        assert (before, workers.reused) == (True, False)
+        assert (before, workers.verdict.reused) == (True, False)
     expected = fresh.run(stiffness_runs(4))
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
@@ -391,8 +391,8 @@ def test_a_reset_is_not_proven_by_a_run_at_rest(
     path = build_c_fmu(folder, reset="RESET_KEEPS_DERIVED", once=once)
     with FmuWorkers(path) as workers:
         results = workers.run(runs)
-        assert workers.reused is False
-        assert workers.reset_lies
+        assert workers.verdict.reused is False
+        assert workers.verdict.lied
     expected = fresh.run(runs)
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
@@ -406,7 +406,7 @@ def test_a_reset_is_not_proven_by_runs_that_end_at_once(
     runs += [replace(PULLED, start_values={**PULLED.start_values, "damping": 0.5})]
     with FmuWorkers(keeps_derived) as workers:
         results = workers.run(runs)
-        assert workers.reused is False
+        assert workers.verdict.reused is False
     expected = fresh.run(runs)
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
 
@@ -415,7 +415,7 @@ def test_one_instance_per_process(folder: Path, fresh: FmuWorkers) -> None:
     """Declared so and true: still compared with a new instance, in a process of its own."""
     with FmuWorkers(build_c_fmu(folder, once=True)) as workers:
         results = workers.run(stiffness_runs(20))
-        assert workers.reused is True
+        assert workers.verdict.reused is True
         assert workers.counts.processes == workers.counts.instances == 2
     expected = fresh.run(stiffness_runs(20))
     assert [r.tobytes() for r in results] == [r.tobytes() for r in expected]
@@ -436,7 +436,7 @@ def test_what_a_run_does_not_name_has_its_start_value(folder: Path) -> None:
     mixed = [run for pair in zip(inverted, plain, strict=True) for run in pair]
     with FmuWorkers(build_c_fmu(folder, reset="RESET_KEEPS_PARAMETERS")) as workers:
         results = workers.run(mixed)
-        assert workers.reused is True
+        assert workers.verdict.reused is True
     for first, second in zip(results[::2], results[1::2], strict=True):
         np.testing.assert_array_equal(first, -second)
 
@@ -529,7 +529,7 @@ def test_the_oscillator_is_reused(oscillator_fmu: Path) -> None:
     ]
     with FmuWorkers(oscillator_fmu) as workers:
         results = workers.run(runs)
-        assert workers.reused is True
+        assert workers.verdict.reused is True
         assert workers.counts.instances == 2
     for angle, result in zip(angles, results, strict=True):
         truth = math.sqrt(-0.5 * math.sin(2 * angle) * (eta_minus**2 - eta_plus**2))

@@ -15,9 +15,9 @@ import os
 import socket
 import struct
 import sys
-from dataclasses import asdict, fields
+from dataclasses import dataclass, field, fields, replace
 from multiprocessing import connection
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from fitting.fmu.isolation import Isolation
 from fitting.fmu.runs import Counts
 from fitting.fmu.worker.reuse import Verdict
 from fitting.text.arrays import FloatArray
+from fitting.text.records import from_plain, to_plain
 
 #: Bytes of the text, and how many numbers follow it.
 HEAD = struct.Struct("!IQ")
@@ -54,7 +55,8 @@ class Task(NamedTuple):
     isolation: Isolation | None = None
 
 
-class Reply(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class Reply:
     """Results of the first ``done`` requests, flat; the rest is left if ``used_up`` or ``failure``.
 
     ``number`` is that of the batch, ``process`` who answers. ``used_up``: this process should do no
@@ -65,24 +67,22 @@ class Reply(NamedTuple):
 
     number: int
     process: int
-    results: FloatArray
     done: int
     used_up: bool
     failure: str | None
     warnings: tuple[str, ...]
     counts: Counts
     verdict: Verdict
-    trials: bytes
     memory: int
+    results: FloatArray = field(default_factory=lambda: np.empty(0))
+    trials: bytes = b""
 
     def packed(self) -> bytes:
         """Its bytes."""
-        texts = self._asdict()
-        numbers, trials = texts.pop("results"), texts.pop("trials")
-        texts |= {"counts": asdict(self.counts), "verdict": asdict(self.verdict)}
-        text = json.dumps(texts).encode()
-        head = HEAD.pack(len(text), numbers.size)
-        return b"".join((head, text, np.ascontiguousarray(numbers, dtype="=f8").tobytes(), trials))
+        words = {f.name: getattr(self, f.name) for f in fields(self)[:-2]}
+        text = json.dumps(to_plain(words)).encode()
+        numbers = np.ascontiguousarray(self.results, dtype="=f8").tobytes()
+        return b"".join((HEAD.pack(len(text), self.results.size), text, numbers, self.trials))
 
     @classmethod
     def unpacked(cls, data: bytes) -> Reply:
@@ -94,32 +94,11 @@ class Reply(NamedTuple):
         Raises:
             NotAnAnswer: they are something else.
         """
-
-        def record(kind: type[Any], given: dict[str, Any], **known: Any) -> Any:
-            """A record whose other fields have the types of their defaults."""
-            types: dict[str, Any] = {
-                f.name: type(f.default) for f in fields(kind) if f.name not in known
-            }
-            return kind(**{name: of(given[name]) for name, of in types.items()}, **known)
-
         try:
             size, count = HEAD.unpack_from(data)
-            texts = json.loads(data[HEAD.size : HEAD.size + size])
-            verdict = texts["verdict"]
-            reused = verdict["reused"]
-            return cls(
-                number=int(texts["number"]),
-                process=int(texts["process"]),
-                results=np.frombuffer(data, "=f8", count, HEAD.size + size),
-                done=int(texts["done"]),
-                used_up=bool(texts["used_up"]),
-                failure=None if texts["failure"] is None else str(texts["failure"]),
-                warnings=tuple(map(str, texts["warnings"])),
-                counts=record(Counts, texts["counts"], processes=0),
-                verdict=record(Verdict, verdict, reused=None if reused is None else bool(reused)),
-                trials=bytes(data[HEAD.size + size + 8 * count :]),
-                memory=int(texts["memory"]),
-            )
+            words = from_plain(cls, json.loads(data[HEAD.size : HEAD.size + size]))
+            numbers = np.frombuffer(data, "=f8", count, HEAD.size + size)
+            return replace(words, results=numbers, trials=data[HEAD.size + size + 8 * count :])
         # whatever a program may write there: numbers beyond all bounds, lists a million deep
         except (
             ArithmeticError,

@@ -76,6 +76,11 @@ class Verdict:
     lied: bool = False
     failed: bool = False
 
+    @property
+    def failure(self) -> str:
+        """How a reset failed, or ended the process; empty: none did."""
+        return self.note.removeprefix(ANEW) if self.ended or self.failed else ""
+
 
 def refused(
     reason: str, *, ended: bool = False, lied: bool = False, failed: bool = False
