@@ -36,6 +36,8 @@ from fitting.text.errors import NoScale
 #: passed on. Of a model that answers somewhere they are no bad input: a box may lie for the most
 #: part where coupled modes have no motion.
 MOST_FAILURES = 12
+#: Share of a curve's power that is one standard deviation where curves are compared by such shares.
+SHARE = 0.01
 #: Relative rounding of a period.
 ROUNDING = 1e-9
 
@@ -77,7 +79,9 @@ class Likelihood:
     limits here. `names` of the outputs. `bounded` is what the simulation may be off by
     (`fitting.fit.noise`): it takes no part in chi square. `scatter` (m,) is above zero for rows
     whose noise is that of the residuals themselves, see `fitting.fit.noise.RowNoise`; empty: all
-    noise is known.
+    noise is known. With `by_shares` curves over frequency are compared by where their power is
+    (`ResidualCurve.power_shares`): no likelihood, but without the minima at which a line stands
+    beside another.
     """
 
     objective: Objective
@@ -92,6 +96,7 @@ class Likelihood:
     bounded: BoundedErrors = field(default_factory=BoundedErrors.none)
     scatter: FloatArray = field(default_factory=lambda: np.empty(0))
     prior_shift: FloatArray | float = 0.0
+    by_shares: bool = False
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -129,6 +134,13 @@ class Likelihood:
             point: evaluated, with residuals of shape (m,).
         """
         data = self.noise.whitened(point.residuals - self.shift) / self.inflation
+        dataset = self.objective.data
+        for m, at in zip(dataset.measurements, dataset.slices, strict=True):
+            if self.by_shares and m.line_width_hz is not None:
+                for curve in m.residual_curves(point.residuals[at]):
+                    shares = curve.power_shares / SHARE
+                    data[at][curve.rows] = 0.0  # complex values have two rows and one share
+                    data[at][curve.rows[: shares.size]] = shares
         return np.concatenate([data, (point.x - self.prior_shift) * self.inverse_prior_sigma])
 
     def folded(self, x: FloatArray) -> FloatArray:

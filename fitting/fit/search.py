@@ -3,8 +3,10 @@
 Points that fill the bounds evenly are evaluated in one batch; from the best of them that are apart
 searches start, all side by side. While noise does not explain the least chi square, rounds of as
 many further points as there were follow, as far as the budget goes: a valley that takes a
-thousandth of the box is met by a thousand points, not by sixty-four. In boxes of many parameters
-every second round looks along the edges of the box from the lowest minima.
+thousandth of the box is met by a thousand points, not by sixty-four. Each of these rounds is
+followed by two that look elsewhere: curves over frequency are first compared by where their power
+is, which leads lines that stand beside each other together; and in boxes of many parameters points
+along the edges of the box through the lowest minima are evaluated.
 
 Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
 methods", Mathematical Programming 39 (1987) 57.
@@ -19,14 +21,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
-from fitting.fit.levenberg import expand, minimise
+from fitting.fit.levenberg import Goal, expand, minimise
 from fitting.fit.likelihood import LikelihoodEvaluator, Request
 from fitting.fit.optimum import TOO_LARGE_P, freedom_of
+from fitting.measurements.dataset import Dataset
 from fitting.signal.chi_square import tail
+from fitting.signal.misfit import UNLIKELY
+from fitting.signal.residual_tests import white_noise_p
 from fitting.text.arrays import FloatArray, IntArray
 
 #: Points of the first round, a power of two (each further one doubles them), and rounds at most.
-POINTS, ROUNDS = 64, 12
+POINTS, ROUNDS = 64, 18
 #: Searches that start from the best points of a round, and from those along edges.
 STARTS, STARTS_ALONG = 8, 12
 #: Parameters beyond which each doubles the points that are evaluated in any case, up to so many;
@@ -35,6 +40,9 @@ FEW, MOST_AT_FIRST, MORE = 3, 512, 6
 #: Points along each edge of the box, and minima that the lines go through; each time they are moved
 #: on by the golden ratio, so that none is evaluated twice.
 ALONG, THROUGH, GOLDEN = 64, 4, 0.618
+#: Ways to look between two rounds of points: by shares of the power, and along edges; and when a
+#: search by shares is near enough.
+_SHARES, _EDGES, NEARER = "shares", "edges", Goal(promise=10.0, confirmed=False)
 #: Probability of the least chi square below which a box of many parameters is searched along edges.
 BARELY_P = 0.2
 #: Difference of chi square that counts, and as a share of the lower one.
@@ -297,7 +305,7 @@ def search_box(
         evaluator: of the likelihood, without inflation.
         begins: search vectors that searches start from besides, (n,) each.
         seed: of the points.
-        budget: evaluations after which no further round is begun.
+        budget: evaluations after which no further points of the box are evaluated.
 
     Raises:
         FmuFailure: the model failed at a dozen points and has answered at none.
@@ -307,10 +315,13 @@ def search_box(
     is_wide = unknowns > FEW
     enough = min(POINTS * 2 ** max(0, unknowns - FEW), MOST_AT_FIRST)
     budget *= MORE if is_wide else 1
-    noise_dof = likelihood.objective.data.noise_freedom
+    data = likelihood.objective.data
+    has_curves = any(m.rows and m.line_width_hz is not None for m in data.measurements)
+    others = [way for way, use in ((_SHARES, has_curves), (_EDGES, is_wide)) if use]
+    left: list[str] = []  # ways that remain before the next points of the box
     minima: list[Minimum] = []
-    some, rounds, spread, along, descents, p = list(begins), 0, 0, 0, 0, 0.0
-    is_along = False
+    some, tried = list(begins), list(begins)
+    rounds, spread, along, descents, p = 0, 0, 0, 0, 0.0
     while True:
         ends = minimise(evaluator, expand(evaluator, some, outputs=False)) if some else []
         # where the model fails no minimum is known
@@ -319,24 +330,31 @@ def search_box(
         for begun, end in ended:
             if end.chi_square < min((m.chi_square for m in minima), default=math.inf):
                 rows = end.end.sample.rows[: likelihood.data_rows]
-                p = tail(float(rows @ rows), freedom_of(likelihood, end.end), noise_dof)
+                p = tail(float(rows @ rows), freedom_of(likelihood, end.end), data.noise_freedom)
+                p = 0.0 if _is_correlated(data, rows) else p
             x = likelihood.folded(end.end.x)
             minima.append(Minimum(x=x, begun=begun, chi_square=end.chi_square))
         minima = distinct(box, minima)
         # one wrong minimum in twenty is explained by noise at TOO_LARGE_P, nearly none at BARELY_P
         is_explained = p >= (BARELY_P if is_wide and not along else TOO_LARGE_P)
-        is_done = (is_explained and spread >= enough) or evaluator.evaluations >= budget
+        is_spent = evaluator.evaluations >= budget
+        is_done = (is_spent and not left) if not is_explained else (is_spent or spread >= enough)
         if (rounds and is_done) or rounds == ROUNDS or not unknowns:
             break
-        is_along = is_wide and bool(minima) and rounds > 0 and not (is_explained or is_along)
-        if is_along:
-            offset = (0.5 + GOLDEN * (rounds // 2)) % 1.0
+        way = left.pop(0) if left and minima and not is_explained else ""
+        if way == _SHARES:
+            with evaluator.of(replace(likelihood, by_shares=True)):
+                led = minimise(evaluator, expand(evaluator, tried, outputs=False), goal=NEARER)
+            some = [likelihood.folded(end.end.x) for end in led if math.isfinite(end.chi_square)]
+        elif way == _EDGES:
+            offset = (0.5 + GOLDEN * (rounds // len(others))) % 1.0
             some, number = along_edges(evaluator, [m.x for m in minima[:THROUGH]], offset)
             along += number
         else:
             number = max(POINTS, spread)
             some = screened(evaluator, seed, number, skip=spread)
             spread += number
+            tried, left = ([*begins, *some] if not rounds else some), [*others]
         rounds += 1
     return tuple(minima), SearchResult(
         screened=spread + along,
@@ -348,6 +366,17 @@ def search_box(
         refused=evaluator.failures,
         refusal=evaluator.failure,
     )
+
+
+def _is_correlated(data: Dataset, rows: FloatArray) -> bool:
+    """Whether rows (m,) whose noise is estimated from the data show a pattern along a curve.
+
+    Scatter that counts a narrow line for noise is too large for its chi square to be.
+    """
+    if math.isinf(data.noise_freedom):
+        return False
+    curves = (rows[at] for m, at in zip(data.measurements, data.slices, strict=True) if m.is_curve)
+    return any(white_noise_p(each) < UNLIKELY for each in curves)
 
 
 def distinct(box: Box, minima: Sequence[Minimum]) -> list[Minimum]:

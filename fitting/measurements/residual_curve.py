@@ -12,6 +12,8 @@ import numpy.typing as npt
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, both_parts
 from fitting.text.finding import Kind
 
+Values = FloatArray | ComplexArray
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResidualCurve:
@@ -27,6 +29,9 @@ class ResidualCurve:
             mistake: a gain, an offset, a shift of the axis, a level of noise.
         first_order: kinds of mistakes that move the rows so to first order alone, however large
             they are: what is left where one is put right is no noise then.
+        model: what the model has there, real or complex, in the unit of `measured`; empty but for
+            curves over frequency.
+        measured: what was measured there.
     """
 
     rows: IntArray
@@ -36,6 +41,21 @@ class ResidualCurve:
     name: str = ""
     columns: Mapping[Kind, FloatArray] = field(default_factory=dict)
     first_order: frozenset[Kind] = frozenset()
+    model: Values = field(default_factory=lambda: np.empty(0))
+    measured: Values = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def power_shares(self) -> FloatArray:
+        """Share of the power up to each frequency, of the model less that of the data, (n,).
+
+        sum_{j<=i} |S_j|^2/sum_j |S_j|^2. Where lines lie beside each other their rows do not tell
+        which way to go; these grow with the distance. No scale and no phase enters.
+
+        Source: S. Kolouri et al., "Optimal mass transport", IEEE Signal Process. Mag. 34 (2017) 43.
+        """
+        running = [np.cumsum(np.abs(values) ** 2) for values in (self.model, self.measured)]
+        model, measured = (total / max(float(total[-1]), 1e-300) for total in running)
+        return np.asarray(model - measured)
 
     @property
     def course(self) -> FloatArray:

@@ -417,6 +417,8 @@ class Sweep(Measurement):
                 share=np.ones(residuals.size),
                 axis=self.frequency_hz,
                 columns=mistakes(self.frequency_hz, values, 1.0 / self.maximum_v),
+                model=values,
+                measured=self.amplitude_v,
             ),
         )
 

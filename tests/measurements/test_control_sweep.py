@@ -163,6 +163,27 @@ def test_magnitudes_of_noisy_quadratures_are_compared_with_their_mean() -> None:
     assert np.sum(columns, axis=1) == pytest.approx(moved, rel=1e-5, abs=1e-6)
 
 
+def test_noise_that_scatter_tells_too_large_is_told_by_the_squares() -> None:
+    """Lines of a few points scatter like noise; the mean of magnitudes rests on the noise alone."""
+    sigma = 0.1
+    rng = np.random.default_rng(11)
+    f = np.linspace(1.0, 2.0, 60)
+    lines = [1.0 / (1.0 + 1j * (f - at) / 0.004) for at in (1.21, 1.52, 1.83)]
+    exact, rows, scatter = np.abs(np.sum(lines, axis=0)), [], []
+    setup = ff.Setup(ff.Drive(frequency_names=("u1",), amplitude_names=("A1",)), "q1")
+    for _ in range(200):
+        noise = sigma * rng.standard_normal((2, 2, f.size))
+        noisy = np.abs(exact + noise[:, 0] + 1j * noise[:, 1])
+        spectra = [ff.ControlSpectrum(f, y, {"V": float(k)}) for k, y in enumerate(noisy)]
+        sweep = ff.ControlSweep(setup=setup, spectra=tuple(spectra), units={"V": "V"})
+        rows.append(sweep.residuals(Prediction(np.tile(exact, 2)), 1.0) * sweep.sizes)
+        scatter += [spectrum.sigmas[0] for spectrum in sweep.spectra]
+    assert np.mean(scatter) > 1.25 * sigma
+    # by the scatter's noise the mean magnitude far from the lines would be 0.03 too large
+    away = np.tile(exact < 0.3 * sigma, 2)
+    assert abs(np.mean(np.array(rows)[:, away])) < 0.006
+
+
 def coupling_error() -> float:
     """Standard deviation of the coupling: central differences of the closed form, scales free."""
     names = ("A0", "A1", "B0", "LAMBDA", "WIDTH")

@@ -187,4 +187,6 @@ class ComplexCurve(Record, Curve):
             axis=np.tile(self.u_hz, 2),
             name=self.label,
             columns=mistakes(self.u_hz, values, 1.0 / self.largest),
+            model=values,
+            measured=self.y,
         )

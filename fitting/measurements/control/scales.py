@@ -10,6 +10,13 @@ amplitudes and weights w,
 (variable projection); M is the mean of a magnitude (`fitting.signal.rician`). Unlike complex
 gains (`fitting.measurements.complex.gain`) scales are positive, nothing stands beside them, and the
 last two enter otherwise than linearly: the one is a mean of logarithms, the other takes steps.
+
+Noise that is told by the scatter about a smooth curve is too large where lines are a few points
+wide, and M(0) with it: then it is told by the squares of each spectrum, whose mean is
+chi^2 A^2 + 2 s^2, as far as that is less,
+
+    s^2 = sum_i v_i (L_i^2 - chi^2 A_i^2)/(2 sum_i v_i)           v_i = 1/(chi^2 A_i^2 + s^2)
+
 Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.
 """
 
@@ -28,6 +35,8 @@ from fitting.text.errors import NoScale
 SCALES = ("each", "shared", "none")
 #: Steps towards the scale of magnitudes, and the share of itself that it keeps in one at least.
 SCALE_STEPS, LEAST_SCALE = 2, 0.1
+#: Rounds of weights by the noise that they tell, and the share of the scatter that is left of it.
+NOISE_STEPS, LEAST_NOISE = 2, 0.3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,6 +49,8 @@ class SpectrumScales:
         sigma: Standard deviation of every row, (rows,), over the sizes; 0: not known.
         quadrature_sigma: Noise that makes magnitudes larger, (rows,), in the unit of the
             amplitudes; 0: none.
+        lengths: Numbers of rows of each spectrum, (spectra,), if the squares tell its noise; else
+            empty.
         counts: Numbers of rows that share a scale, (scales,), one after another.
         logarithmic: Whether the rows are differences of logarithms.
         output: The FMU's output, which complaints name.
@@ -49,6 +60,7 @@ class SpectrumScales:
     sizes: FloatArray
     sigma: FloatArray
     quadrature_sigma: FloatArray
+    lengths: IntArray
     counts: IntArray
     logarithmic: bool
     output: str
@@ -77,6 +89,23 @@ class SpectrumScales:
             NoScale: the model answers with nothing.
         """
         return np.asarray(np.repeat(self.of(values), self.counts) * values)
+
+    def noise_beside(self, scaled: FloatArray) -> FloatArray:
+        """Noise of each quadrature beside amplitudes, (rows,), at most as the scatter says.
+
+        Args:
+            scaled: simulated amplitudes under the drive and the scale, (rows,).
+        """
+        most = self.quadrature_sigma
+        if not self.lengths.size:
+            return most
+        first, sigma = np.cumsum(self.lengths) - self.lengths, most
+        for _ in range(NOISE_STEPS):
+            weights = 1.0 / np.maximum(scaled**2 + sigma**2, np.finfo(float).tiny)
+            left = np.add.reduceat(weights * (self.measured**2 - scaled**2), first)
+            square = np.repeat(0.5 * left / np.add.reduceat(weights, first), self.lengths)
+            sigma = np.sqrt(np.clip(square, (LEAST_NOISE * most) ** 2, most**2))
+        return sigma
 
     @cached_property
     def _remembered(self) -> dict[int, tuple[FloatArray, FloatArray]]:
@@ -122,12 +151,13 @@ class SpectrumScales:
 
         They are those of Gauss and Newton; a fixed number of them keeps the rows smooth.
         """
-        sigma, weights = self.quadrature_sigma, self._weights
+        weights = self._weights
         shape = weights * values**2
-        square = self._sums(shape * (self.measured**2 - 2.0 * sigma**2))
+        square = self._sums(shape * (self.measured**2 - 2.0 * self.quadrature_sigma**2))
         result = np.sqrt(np.maximum(square / self._sums(shape * values**2), least**2))
         for _ in range(SCALE_STEPS):
-            observed = rician(np.repeat(result, self.counts) * values, sigma)
+            scaled = np.repeat(result, self.counts) * values
+            observed = rician(scaled, self.noise_beside(scaled))
             slopes = observed.slope * values
             pull = self._sums(weights * slopes * (self.measured - observed.mean))
             result = np.maximum(result + pull / self._sums(weights * slopes**2), least)

@@ -32,6 +32,7 @@ class ControlSpectrum(Curve):
         sigma: Standard deviations of the amplitudes, shape (n,) or one; 0: not known.
         drive: Amplitude of the drive over its level, shape (n,) or one.
         left_out: Which points of the file are not here, and why.
+        scattered: Whether `sigma` is how the points scatter about a smooth curve.
 
     Raises:
         BadInput: fewer than 8 points, shapes that differ, frequencies that do not rise, amplitudes
@@ -46,6 +47,7 @@ class ControlSpectrum(Curve):
     sigma: npt.ArrayLike = 0.0
     drive: npt.ArrayLike = 1.0
     left_out: tuple[Finding, ...] = ()
+    scattered: bool = False
     u_hz: FloatArray = field(init=False)
     y: FloatArray = field(init=False)
     sigmas: FloatArray = field(init=False)

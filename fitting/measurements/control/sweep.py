@@ -87,7 +87,9 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         if self.estimated:
             whole = self.rectified and not self.logarithmic
             named = tuple(
-                s if np.all(s.sigmas > 0.0) else replace(s, sigma=s.scatter(rectified=whole))
+                s
+                if np.all(s.sigmas > 0.0)
+                else replace(s, sigma=s.scatter(rectified=whole), scattered=True)
                 for s in named
             )
         object.__setattr__(self, "spectra", named)
@@ -160,7 +162,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         """
         if not self._is_rectified:
             return amplitude
-        return rician(amplitude, self._quadrature_sigma).mean
+        return rician(amplitude, self._scales.noise_beside(amplitude)).mean
 
     @cached_property
     def measured_rows(self) -> FloatArray:
@@ -186,7 +188,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         result = np.zeros((self.rows, self.solved_inside))
         values = self.scaled(prediction, 1.0)
         if self._is_rectified:
-            values = rician(values, self._quadrature_sigma).slope * values
+            values = rician(values, self._scales.noise_beside(values)).slope * values
         values = values / self.sizes
         if self.logarithmic:
             values = np.ones(self.rows)
@@ -270,13 +272,14 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
     @cached_property
     def _scales(self) -> SpectrumScales:
         """The scales of the spectra, or the one of all."""
-        shared = self.scaled_by == "shared"
+        shared, told_by_scatter = self.scaled_by == "shared", all(s.scattered for s in self.spectra)
         counts = [self.rows] if shared else [s.y.size for s in self.spectra]
         return SpectrumScales(
             measured=self.measured,
             sizes=self.sizes,
             sigma=self.sigma,
             quadrature_sigma=self._quadrature_sigma,
+            lengths=np.array([s.y.size for s in self.spectra] if told_by_scatter else []),
             counts=np.array(counts),
             logarithmic=self.logarithmic,
             output=self.output or self.setup.output,
@@ -337,6 +340,8 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
                     name=s.label,
                     columns=mistakes(s.u_hz, values, slope),
                     first_order=frozenset({Kind.offset} if self.logarithmic else ()),
+                    model=values,
+                    measured=s.y,
                 )
             )
         return tuple(result)

@@ -292,12 +292,12 @@ def _is_too_few(laboratory: Laboratory, answer: _Answer) -> bool:
     return laboratory.noise_factor > 1.0 and min(freedom, default=math.inf) < TESTABLE
 
 
-def _shows_in_one_reading(laboratory: Laboratory) -> bool:
-    """Whether a mistake leaves only a point or two that noise does not hide: an outlier it is."""
+def _shows_in_a_point(laboratory: Laboratory) -> bool:
+    """Whether a mistake leaves a point that noise does not hide: that it is far off is true."""
     if not laboratory.mistake:
         return False
     left = np.abs(laboratory.left_at(laboratory.visible.values))
-    return bool(np.count_nonzero(left > HIDDEN) <= 2)
+    return bool(np.any(left > HIDDEN))
 
 
 def _of_causes(laboratory: Laboratory, answer: _Answer) -> Iterator[tuple[str, str]]:
@@ -305,7 +305,7 @@ def _of_causes(laboratory: Laboratory, answer: _Answer) -> Iterator[tuple[str, s
         kind, subject = finding["kind"], finding["subject"]
         if kind not in NAMING:
             continue
-        if kind == "outlier" and _shows_in_one_reading(laboratory):
+        if kind == "outlier" and _shows_in_a_point(laboratory):
             continue
         if kind not in laboratory.causes:
             yield (
