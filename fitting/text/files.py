@@ -11,9 +11,9 @@ import tempfile
 from contextlib import suppress
 from glob import escape
 from pathlib import Path
+from secrets import token_hex
 
 from fitting.text.errors import BadInput, MissingFile
-from fitting.text.once import alone
 
 #: What the temporary name of a file ends with.
 PART = ".part"
@@ -35,18 +35,16 @@ def replace_file(path: Path, data: bytes) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(PART, f".{path.name}.", path.parent)
+        # not by `tempfile`, whose files are private: this one has the mode that any new file has
+        part = path.with_name(f".{path.name}.{token_hex(4)}{PART}")
         try:
-            with os.fdopen(handle, "wb") as stream:
+            with part.open("xb") as stream:
                 stream.write(data)
                 stream.flush()
                 _sync(stream.fileno(), path.parent)
-            # mkstemp makes files private; give this one the mode any new file has
-            with suppress(OSError):  # some mounts have no modes, or keep them as they are
-                os.chmod(name, 0o666 & ~_umask())
-            os.replace(name, path)
+            os.replace(part, path)
         except BaseException:
-            Path(name).unlink(missing_ok=True)
+            part.unlink(missing_ok=True)
             raise
     except OSError as error:
         raise BadInput(f"{path}: cannot be written: {error.strerror}") from error
@@ -58,7 +56,7 @@ def remove_parts(path: Path) -> None:
     Args:
         path: of the file.
     """
-    ours = re.compile(re.escape(f".{path.name}.") + "[a-z0-9_]{8}" + re.escape(PART))  # mkstemp
+    ours = re.compile(re.escape(f".{path.name}.") + "[a-z0-9_]{8}" + re.escape(PART))
     for part in path.parent.glob(f".{escape(path.name)}.*{PART}"):
         with suppress(OSError):
             if ours.fullmatch(part.name) and stat.S_ISREG(part.lstat().st_mode):
@@ -104,13 +102,6 @@ def _sync(handle: int, folder: Path) -> None:
                 except OSError:
                     return
         raise
-
-
-def _umask() -> int:
-    with alone():  # of two threads the second would take 0 for it, and leave the process with that
-        mask = os.umask(0)
-        os.umask(mask)
-    return mask
 
 
 #: A file that is larger is none of those that people mean here.

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import wraps
+from functools import cache, wraps
 from threading import RLock
 from typing import ParamSpec, TypeVar
 
 Arguments = ParamSpec("Arguments")
 Made = TypeVar("Made")
-
 
 #: One lock for all that is made once, so that no two wait for each other.
 _lock = RLock()
@@ -39,16 +38,12 @@ def made_once(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
     Args:
         make: of arguments that are hashable, by place.
     """
-    kept: dict[Hashable, Made] = {}
+    cached: Callable[Arguments, Made] = cache(make)
 
     @wraps(make)
     def once(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Made:
-        key = (args, tuple(kwargs.items()))
-        if key not in kept:
-            with _lock:
-                if key not in kept:
-                    kept[key] = make(*args, **kwargs)
-        return kept[key]
+        with _lock:
+            return cached(*args, **kwargs)
 
-    once.cache_clear = kept.clear  # type: ignore[attr-defined]  # by the name that caches have
+    once.cache_clear = cached.cache_clear  # type: ignore[attr-defined]  # as other caches have it
     return once

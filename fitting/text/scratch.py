@@ -6,7 +6,6 @@ import atexit
 import os
 import platform
 import secrets
-import shutil
 import stat
 import tempfile
 import weakref
@@ -77,13 +76,12 @@ def _remove_all() -> None:
 
 
 def _remove(folder: Path, owner: int) -> None:
-    if os.getpid() == owner:  # and not a fork of it
-        shutil.rmtree(folder, ignore_errors=True)
-        if folder.is_dir():  # it takes two files open for every level: this takes one in all
-            with suppress(OSError):
-                for path in sorted(folder.rglob("*"), reverse=True):
-                    path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
-                folder.rmdir()
+    if os.getpid() != owner:  # a fork of it
+        return
+    # `shutil.rmtree` takes two files open for every level: this takes one in all
+    for path in (*sorted(folder.rglob("*"), reverse=True), folder):
+        with suppress(OSError):
+            path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
 
 
 def _locked(folder: Path) -> FileLock:
@@ -109,4 +107,4 @@ def _remove_abandoned(place: Path) -> None:
             if owner.read_text("utf-8") != platform.node():
                 continue  # a lock may mean nothing to other machines that share the folder
             with FileLock(owner, blocking=False):
-                shutil.rmtree(owner.parent, ignore_errors=True)
+                _remove(owner.parent, os.getpid())

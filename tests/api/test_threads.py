@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.text import files, units
+from fitting.text import units
 from fitting.text.once import made_once
 from tests.support.small_campaign import of_pairs, small_campaign
 
@@ -69,26 +69,6 @@ def test_threads_have_one_registry_of_units() -> None:
     assert found == [1e-3] * 4
     assert units.convert(1.0, "kHz", "Hz", where="afterwards") == 1e3
     assert units.product_words({"Hz": 2, "V": -1}) == "Hz²/V"
-
-
-def test_threads_leave_the_mode_of_new_files_as_it_was(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before, plain = files._umask(), os.umask
-
-    def slow(mask: int) -> int:
-        found = plain(mask)
-        time.sleep(0.002)  # another thread asks meanwhile
-        return found
-
-    monkeypatch.setattr(os, "umask", slow)
-
-    def write(number: int) -> None:
-        for _ in range(3):
-            files.replace_file(tmp_path / f"{number}", b"")
-
-    at_once(write)
-    assert files._umask() == before
 
 
 def test_threads_take_turns_at_one_fmu(swift_fmu: Path) -> None:

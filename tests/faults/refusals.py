@@ -11,7 +11,6 @@ import errno
 import itertools
 import os
 import signal
-import tempfile
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
@@ -34,19 +33,16 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "fit": COMMAND,
 }
 #: What mounts refuse that are written all the same.
-REFUSED = (
-    *(("fsync", n) for n in ("EINVAL", "EIO", "EROFS", "ENOSYS", "ENOTSUP", "EPERM")),
-    *(("chmod", n) for n in ("EPERM", "EACCES", "EROFS", "ENOSYS", "ENOTSUP")),
-)
+REFUSED = tuple(("fsync", n) for n in ("EINVAL", "EIO", "EROFS", "ENOSYS", "ENOTSUP", "EPERM"))
 #: What a disk refuses: of a file that is begun, that is written, and that gets its name.
 LOST = {
-    "mkstemp": (tempfile, ("ENOSPC", "EDQUOT", "EROFS", "EACCES", "EIO", "ENAMETOOLONG")),
+    "token_hex": (files, ("ENOSPC", "EDQUOT", "EROFS", "EACCES", "EIO", "ENAMETOOLONG")),
     "fsync": (os, ("ENOSPC", "EDQUOT")),
     "replace": (os, ("ENOSPC", "EROFS", "EACCES", "EPERM", "EIO")),
 }
 #: At which of these calls a signal comes.
 MOMENTS: dict[str, tuple[Any, str]] = {
-    "a file is begun": (tempfile, "mkstemp"),
+    "a file is begun": (files, "token_hex"),
     "a file gets its name": (os, "replace"),
     "a file is on the disk": (files, "_sync"),
     "runs are asked for": (FmuWorkers, "run"),
