@@ -38,12 +38,12 @@ def made_once(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
     Args:
         make: of arguments that are hashable, by place.
     """
-    cached: Callable[Arguments, Made] = cache(make)
+    cached = cache(make)
 
     @wraps(make)
     def once(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Made:
         with _lock:
-            return cached(*args, **kwargs)
+            return cached(*args, **kwargs)  # type: ignore[arg-type]  # all are hashable
 
     once.cache_clear = cached.cache_clear  # type: ignore[attr-defined]  # as other caches have it
     return once
