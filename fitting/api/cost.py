@@ -16,11 +16,13 @@ from fitting.campaign.parameters import starts as starts_of
 from fitting.campaign.parameters import to_search
 from fitting.engine.threads import one_thread
 from fitting.fit.objective import evaluate_many, stencil
-from fitting.inference.cost import Expected, Range, added, expected, times
+from fitting.inference.cost import Expected as Expected
+from fitting.inference.cost import Range as Range
+from fitting.inference.cost import added as added
+from fitting.inference.cost import expected
+from fitting.inference.cost import times as times
 from fitting.inference.determine import own_profiled
 from fitting.text.errors import BadInput
-
-__all__ = ["Cost", "Expected", "Range", "added", "cost", "expected_of", "times"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,13 +139,12 @@ def _memory_bytes(pids: Iterable[int]) -> float:
     """The most that this process and some others have held; NaN where the system reports none."""
     if sys.platform != "linux":
         return math.nan
+    total = 0
     try:
-        return float(sum(map(_peak_bytes, ("self", *map(str, pids)))))
+        for pid in ("self", *pids):
+            text = Path(f"/proc/{pid}/status").read_text("ascii", "replace")
+            [line] = [line for line in text.splitlines() if line.startswith("VmHWM:")]
+            total += 1024 * int(line.split()[1])
     except (OSError, ValueError):
         return math.nan
-
-
-def _peak_bytes(pid: str) -> int:
-    text = Path(f"/proc/{pid}/status").read_text("ascii", "replace")
-    [line] = [line for line in text.splitlines() if line.startswith("VmHWM:")]
-    return 1024 * int(line.split()[1])
+    return float(total)

@@ -25,9 +25,10 @@ from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
 from fitting.fit.fit import Status, promised_anew, solve_problem, with_path
-from fitting.fit.likelihood import Spent
+from fitting.fit.likelihood import Spent as Spent
 from fitting.fit.options import Options, Schedule, usual_misfit
-from fitting.fit.path import HistoryRow, Hooks, Memory, Progress
+from fitting.fit.path import HistoryRow, Hooks, Memory
+from fitting.fit.path import Progress as Progress
 from fitting.fit.problem import Problem as Record
 from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
@@ -49,22 +50,6 @@ from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number, span
 from fitting.text.rendering import warning_sentences
-
-__all__ = [
-    "Fit",
-    "Inference",
-    "KeptLevels",
-    "Progress",
-    "Spent",
-    "Tikhonov",
-    "Value",
-    "Valued",
-    "fit",
-    "kept_levels",
-    "profile",
-    "read_result",
-    "search_options",
-]
 
 #: Levels at which intervals are known.
 LEVELS = (0.68, 0.95)
@@ -535,24 +520,37 @@ class Inference(Valued):
     ``fit`` is what it is of, ``record`` all that was inferred.
     """
 
+    _fit: Fit | None
+    _inferred: InferenceRecord | Result
+
     def __init__(self, fit: Fit, record: InferenceRecord, taken: float) -> None:
-        self._fit, self._record = fit, record
-        self._taken = taken
+        self._fit, self._inferred, self._seconds = fit, record, fit.seconds + taken
+
+    @classmethod
+    def _stored(cls, result: Result) -> Inference:
+        """An inference of a file: all but its fit."""
+        made = cls.__new__(cls)
+        made._fit, made._inferred, made._seconds = None, result, result.seconds
+        made.__dict__["result"] = result
+        return made
 
     @property
     def fit(self) -> Fit:
         """The fit."""
+        if self._fit is None:
+            title = self.result.title
+            raise BadInput(f"{title}: a result of a file has no fit, wanted fitting.fit")
         return self._fit
 
     @property
     def record(self) -> InferenceRecord:
         """All that was inferred."""
-        return self._record
+        return self.fit.inferred if isinstance(self._inferred, Result) else self._inferred
 
     @property
     def inferred(self) -> Inferred:
         """All values with intervals, verdicts and warnings, as records."""
-        return self._record
+        return self._inferred
 
     @property
     def source(self) -> Fit:
@@ -562,7 +560,7 @@ class Inference(Valued):
     @property
     def seconds(self) -> float:
         """What planning, search and profiles took, s."""
-        return self.fit.seconds + self._taken
+        return self._seconds
 
     @property
     def profiled(self) -> bool:
@@ -573,41 +571,6 @@ class Inference(Valued):
     def knowledge(self) -> Knowledge | None:
         """Profiles, directions, other minima; None where the profiles failed: see `warnings`."""
         return self.inferred.knowledge
-
-
-class StoredInference(Inference):
-    """An inference of a file: all but its fit."""
-
-    def __init__(self, result: Result) -> None:
-        self.__dict__["result"] = result
-
-    @property
-    def fit(self) -> Fit:
-        """None.
-
-        Raises:
-            BadInput: always.
-        """
-        raise BadInput(f"{self.result.title}: a result of a file has no fit, wanted fitting.fit")
-
-    @property
-    def record(self) -> InferenceRecord:
-        """None.
-
-        Raises:
-            BadInput: always.
-        """
-        return self.fit.inferred
-
-    @property
-    def inferred(self) -> Inferred:
-        """All values with intervals, verdicts and warnings, as records."""
-        return self.result
-
-    @property
-    def seconds(self) -> float:
-        """What planning, search and profiles took, s."""
-        return self.result.seconds
 
 
 def read_result(path: str | Path) -> Inference:
@@ -623,7 +586,7 @@ def read_result(path: str | Path) -> Inference:
         BadInput: it is no such file; names the key.
         MissingFile: there is no file of that name.
     """
-    return StoredInference(read_record(Path(path)))
+    return Inference._stored(read_record(Path(path)))
 
 
 @checked

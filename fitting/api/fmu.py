@@ -17,6 +17,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy.typing as npt
 
 from fitting.api.early import DRIVE_FILES, SWEEP_FILES
+from fitting.api.printed import written
 from fitting.api.request import USUAL_TONES, RequestBinder
 from fitting.campaign.bound import Drive as WantedDrive
 from fitting.campaign.file import WrittenFmu
@@ -30,8 +31,9 @@ from fitting.fmu.description import (
 )
 from fitting.fmu.isolation import Isolate, Isolation
 from fitting.fmu.models import provide_fmu
-from fitting.fmu.pool import MOST_WORKERS, FmuWorkers
-from fitting.report.table import Table, html_table, table
+from fitting.fmu.pool import MOST_WORKERS as MOST_WORKERS
+from fitting.fmu.pool import FmuWorkers
+from fitting.report.table import html_table, table
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.frf import sweep as sweep_through
 from fitting.simulate.planner import DrivePlan
@@ -48,11 +50,8 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.old_names import renamed
-from fitting.text.results_folder import remove_earlier, results_folder
 from fitting.text.scratch import Scratch
 from fitting.text.units import checked_accuracy
-
-__all__ = ["MOST_WORKERS", "Accuracy", "Fmu", "OtherTone", "opened_fmu", "simulate", "sweep"]
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -111,12 +110,6 @@ class Accuracy:
         return accuracy if isinstance(accuracy, Accuracy) else cls(accuracy)
 
     @property
-    def for_drives_alone(self) -> tuple[str, ...]:
-        """Names of the settings that mean nothing in a sweep."""
-        names = ("window_s", "samples", "force", "forbid")
-        return tuple(name for name in names if getattr(self, name) not in (None, ()))
-
-    @property
     def annotation(self) -> AccuracyAnnotation:
         """What is to be forced and forbidden."""
         return AccuracyAnnotation(force=tuple(self.force), forbid=tuple(self.forbid))
@@ -158,12 +151,18 @@ class Fmu:
         is_model = isinstance(source, str) and source.isidentifier()
         self._model = str(source) if is_model else ""
         path = self._built(self._model) if is_model else source
+        isolation: Isolation | None = None
+        if isolate is not False:
+            if sys.platform == "win32":
+                raise BadInput("isolate: Windows has no such limits, wanted Linux or macOS")
+            strict = isolate == "strict"
+            isolation = isolate if isinstance(isolate, Isolation) else Isolation(strict=strict)
         self.workers = FmuWorkers(
             read_description(path, interface),
             workers=workers,
             timeout_s=timeout_s,
             timeout_name=timeout_name,
-            isolation=_isolation(isolate),
+            isolation=isolation,
         )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -224,7 +223,9 @@ class Fmu:
             FmuFailure: the FMU failed.
         """
         requested = Accuracy.of(accuracy)
-        plan = self._plan(start_values, tones, drive, outputs, requested)
+        plan = self.plan(
+            start_values, tones=tones, drive=drive, outputs=outputs, accuracy=requested
+        )
         return respond(self.workers, plan, Shown(requested.window_s, requested.samples))
 
     def plan(
@@ -252,7 +253,16 @@ class Fmu:
             BadInput: as `simulate`.
             FmuFailure: the FMU failed.
         """
-        return self._plan(start_values, tones, drive, outputs, Accuracy.of(accuracy))
+        requested = Accuracy.of(accuracy)
+        return plan_drive(
+            self.workers,
+            RequestBinder(self.description).drive(start_values, tones, drive, outputs),
+            requested.relative,
+            settle_s=requested.settle_s,
+            annotation=requested.annotation,
+            shown=Shown(requested.window_s, requested.samples),
+            work=requested.work,
+        )
 
     def sweep(
         self,
@@ -287,10 +297,9 @@ class Fmu:
             FmuFailure: the FMU failed.
         """
         requested = Accuracy.of(accuracy)
-        if requested.for_drives_alone:
-            raise BadInput(
-                f"{requested.for_drives_alone[0]}: has no meaning in a sweep, only in a drive"
-            )
+        for name in ("window_s", "samples", "force", "forbid"):
+            if getattr(requested, name) not in (None, ()):
+                raise BadInput(f"{name}: has no meaning in a sweep, only in a drive")
         wanted = RequestBinder(self.description).sweep(
             frequency_hz, start_values, tone, output, directions
         )
@@ -359,15 +368,12 @@ class Fmu:
         """
         # matplotlib takes a second to import: only where something is drawn
         report = importlib.import_module("fitting.report.simulation")
-        files: tuple[Path, ...]
         if isinstance(result, DriveResponse):
-            with results_folder(Path(out), "simulate", DRIVE_FILES):
-                files = report.write_drive(result, self.description, Path(out))
-                remove_earlier(Path(out), DRIVE_FILES)
+            write, command, names = report.write_drive, "simulate", DRIVE_FILES
         else:
-            with results_folder(Path(out), "sweep", SWEEP_FILES):
-                files = report.write_sweep(result, self.description, Path(out))
-                remove_earlier(Path(out), SWEEP_FILES)
+            write, command, names = report.write_sweep, "sweep", SWEEP_FILES
+        files: tuple[Path, ...]
+        files = written(out, command, names, lambda to: write(result, self.description, to))
         return files
 
     def close(self) -> None:
@@ -391,9 +397,6 @@ class Fmu:
         return f"<Fmu {d.model_name}: FMI {d.fmi_version}, {len(d.variables)} variables, {d.path}>"
 
     def _repr_html_(self) -> str:
-        return html_table(self._table())
-
-    def _table(self) -> Table:
         d = self.description
         stated = {
             f"{v.causality} {v.name}": " ".join(
@@ -402,36 +405,8 @@ class Fmu:
             for v in d.variables.values()
         }
         caption = f"{d.model_name} (FMI {d.fmi_version})"
-        return table("pairs", caption=caption, heads=("variable", "start"), pairs=stated)
-
-    def _plan(
-        self,
-        start_values: Mapping[str, Scalar] | None,
-        tones: Iterable[str | float] | str,
-        drive: WantedDrive | None,
-        outputs: str | Sequence[str],
-        requested: Accuracy,
-    ) -> DrivePlan:
-        bound = RequestBinder(self.description).drive(start_values, tones, drive, outputs)
-        return plan_drive(
-            self.workers,
-            bound,
-            requested.relative,
-            settle_s=requested.settle_s,
-            annotation=requested.annotation,
-            shown=Shown(requested.window_s, requested.samples),
-            work=requested.work,
-        )
-
-
-def _isolation(isolate: Isolate | Isolation) -> Isolation | None:
-    if isolate is False:
-        return None
-    if sys.platform == "win32":
-        raise BadInput("isolate: Windows has no such limits, wanted Linux or macOS")
-    if isinstance(isolate, Isolation):
-        return isolate
-    return Isolation(strict=isolate == "strict")
+        pairs = table("pairs", caption=caption, heads=("variable", "start"), pairs=stated)
+        return html_table(pairs)
 
 
 def opened_fmu(fmu: Fmu | str | Path) -> Fmu:

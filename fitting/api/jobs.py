@@ -10,6 +10,7 @@ from pathlib import Path
 
 from fitting.api.early import RESULT_FILES
 from fitting.api.fitted import Valued
+from fitting.api.printed import written
 from fitting.api.problem import Problem
 from fitting.engine.threads import one_thread
 from fitting.fit.likelihood import Spent
@@ -25,14 +26,6 @@ from fitting.text.arrays import Scalar
 from fitting.text.choices import FORMATS, INTERACTIVE, PAPER, STYLES
 from fitting.text.errors import BadInput
 from fitting.text.old_names import renamed
-from fitting.text.results_folder import remove_earlier, results_folder
-
-__all__ = [
-    "check_style",
-    "draw_report",
-    "identify",
-    "report",
-]
 
 
 @checked
@@ -88,14 +81,20 @@ def identify(  # noqa: PLR0913 - keywords, of which most have defaults
         start = replace(options, values=fitted.fitted_values, alternative=fitted.alternative)
     record = problem.record
     provenance: dict[str, str] = {}
+    units: dict[str, str] = {}
     if problem.has_fmu:
-        description = problem.fmu.description
+        description, variables = problem.fmu.description, problem.fmu.variables
         provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
-    determined = _determined(problem, start)
+        units = {name: variables[name].unit or "" for name in record.outputs}
+
+    def determine(of: Problem, how: IdentificationOptions) -> Determined:
+        return identify_through(of.record, of.respond, units, how)
+
+    determined = determine(problem, start)
     part = None
     if settings and alone is not None:
         expected = not determined.knowledge.data
-        own = _determined(alone, replace(options, expected=expected, bootstrap=0))
+        own = determine(alone, replace(options, expected=expected, bootstrap=0))
         places, total = (
             sum(len(m.places) for m in each.record.measurements) for each in (alone, problem)
         )
@@ -108,14 +107,6 @@ def identify(  # noqa: PLR0913 - keywords, of which most have defaults
         provenance={**provenance, "seed": str(seed)},
         part=part,
     )
-
-
-def _determined(problem: Problem, options: IdentificationOptions) -> Determined:
-    units: dict[str, str] = {}
-    if problem.has_fmu:
-        variables = problem.fmu.variables
-        units = {name: variables[name].unit or "" for name in problem.record.outputs}
-    return identify_through(problem.record, problem.respond, units, options)
 
 
 def check_problem(verb: str, problem: object) -> None:
@@ -165,11 +156,12 @@ def report(
     if not isinstance(result, Valued):
         raise BadInput(f"report: found a {type(result).__name__}, wanted a Fit or an Inference")
     record = with_external(result.result, external)
-    with results_folder(Path(out), "reconstruct", RESULT_FILES):
-        write_result(record, Path(out))
-        page = draw_report(result, record, Path(out), style, formats=formats)
-        remove_earlier(Path(out), RESULT_FILES)
-        return page
+
+    def write(to: Path) -> Path:
+        write_result(record, to)
+        return draw_report(result, record, to, style, formats=formats)
+
+    return written(out, "reconstruct", RESULT_FILES, write)
 
 
 def check_style(what: str, style: str) -> None:

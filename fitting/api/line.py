@@ -14,13 +14,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.api.early import LINE_FILES
-from fitting.api.printed import HtmlText
+from fitting.api.printed import HtmlText, written
 from fitting.lines import line as sweeps
 from fitting.lines import noise_spectrum as spectra
 from fitting.lines import ringdown as decays
 from fitting.lines.decay_record import AMPLITUDES, PHASORS
-from fitting.lines.dip import DipReading
-from fitting.lines.line import WIRINGS, line_of
+from fitting.lines.line import line_of
 from fitting.lines.names import FANO, OFFSET, form_of_terms
 from fitting.lines.noise_spectrum import noise_line_of, noise_record_of
 from fitting.lines.record import LineNumber, MeasuredLine, fields_of
@@ -29,27 +28,12 @@ from fitting.lines.trace import Trace, trace_of
 from fitting.report.resonance import report, text
 from fitting.resonance.decay_reading import decay_record_of, is_over_time, read_decay_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
-from fitting.resonance.reading import Columns, read_trace_of
+from fitting.resonance.reading import Columns as Columns
+from fitting.resonance.reading import read_trace_of
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.old_names import renamed
-from fitting.text.results_folder import remove_earlier, results_folder
-
-__all__ = [
-    "WIRINGS",
-    "Columns",
-    "DipReading",
-    "Line",
-    "NoiseLine",
-    "Ringdown",
-    "is_noise_spectrum",
-    "is_over_time",
-    "line",
-    "noise_line",
-    "ringdown",
-    "write_line",
-]
 
 #: Kinds of files.
 RINGDOWN, NOISE, SWEEP = "ringdown", "noise", "sweep"
@@ -179,23 +163,28 @@ class NoiseLine(FittedLine, spectra.NoiseLine):
 
 
 def _record(
-    source: str | Path | npt.ArrayLike,
-    values: npt.ArrayLike | None,
-    read: Callable[[Path], Record],
-    made: Callable[[npt.ArrayLike, npt.ArrayLike], Record],
+    given: tuple[str | Path | npt.ArrayLike, npt.ArrayLike | None, str, Columns | None],
+    read: Callable[[Path, Columns], Record],
+    made: Callable[[npt.ArrayLike, npt.ArrayLike, str], Record],
     names: tuple[str, str, str],
 ) -> Record:
-    """What was measured: of a file, or of two arrays, for complaints with their names."""
-    command, axis, ordinate = names
+    """What was measured, of a file or of two arrays.
+
+    Args:
+        given: the file, or places; values at these; their unit; what a file does not state.
+        read: reads a file.
+        made: of places, values and their unit.
+        names: of the function, the places and the values, for errors.
+    """
+    (source, values, unit, columns), (function, axis, ordinate) = given, names
     if isinstance(source, str | PathLike):
         if values is not None:
-            raise BadInput(
-                f"{command}: found a file and {ordinate}, wanted {axis} and {ordinate}, or a file"
-            )
-        return read(Path(source))
+            wanted = f"wanted {axis} and {ordinate}, or a file"
+            raise BadInput(f"{function}: found a file and {ordinate}, {wanted}")
+        return read(Path(source), columns or Columns())
     if values is None:
-        raise BadInput(f"{command}: found {axis} alone, wanted {ordinate} with them, or a file")
-    return made(source, values)
+        raise BadInput(f"{function}: found {axis} alone, wanted {ordinate} with them, or a file")
+    return made(source, values, unit)
 
 
 @checked
@@ -244,13 +233,8 @@ def line(  # noqa: PLR0913 - what a line may be asked to be
         BadInput: a file that is not read, no resonance, one that the ends of the sweep cut off, two
             of them, or too few points.
     """
-    record = _record(
-        source,
-        values,
-        lambda path: read_trace_of(path, columns or Columns()),
-        lambda axis, ordinate: trace_of(axis, ordinate, unit),
-        ("line", "frequencies", "values"),
-    )
+    names = ("line", "frequencies", "values")
+    record = _record((source, values, unit, columns), read_trace_of, trace_of, names)
     terms = form_of_terms(shape, background, noise)
     if wiring and terms:
         raise BadInput("wiring: is shape, background and noise in one; wanted these or wiring")
@@ -311,13 +295,8 @@ def ringdown(
     Raises:
         BadInput: a file that is not read, no free decay, or too little of one.
     """
-    record = _record(
-        source,
-        values,
-        lambda path: read_decay_of(path, columns or Columns()),
-        lambda axis, ordinate: decay_record_of(axis, ordinate, unit),
-        ("ringdown", "times", "values"),
-    )
+    names = ("ringdown", "times", "values")
+    record = _record((source, values, unit, columns), read_decay_of, decay_record_of, names)
     if demodulated_at_hz is not None:
         if not 0.0 < demodulated_at_hz < math.inf:
             raise BadInput(
@@ -363,13 +342,8 @@ def noise_line(
         BadInput: a file that is not read, no line, a density that is not above zero, or too few
             points.
     """
-    record = _record(
-        source,
-        density,
-        lambda path: read_noise_of(path, columns or Columns()),
-        lambda axis, ordinate: noise_record_of(axis, ordinate, unit),
-        ("noise_line", "frequencies", "densities"),
-    )
+    names = ("noise_line", "frequencies", "densities")
+    record = _record((source, density, unit, columns), read_noise_of, noise_record_of, names)
     return NoiseLine(**fields_of(noise_line_of(record.within(*within_hz)), spectra.NoiseLine))
 
 
@@ -423,7 +397,6 @@ def write_line(result: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Pa
     """
     # matplotlib takes a second to import: only where something is drawn
     report = importlib.import_module("fitting.report.line")
-    with results_folder(Path(out), "line", LINE_FILES):
-        files: tuple[Path, ...] = report.write_line(result, Path(out))
-        remove_earlier(Path(out), LINE_FILES)
+    files: tuple[Path, ...]
+    files = written(out, "line", LINE_FILES, lambda to: report.write_line(result, to))
     return files

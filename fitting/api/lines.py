@@ -23,7 +23,7 @@ from fitting.api.line import (
     noise_line,
     ringdown,
 )
-from fitting.api.printed import data_frame
+from fitting.api.printed import data_frame, written
 from fitting.lines.names import form_of_terms
 from fitting.lines.record import LineNumber
 from fitting.report.table import Table, html_table, table, terminal_text, text_lines
@@ -31,7 +31,6 @@ from fitting.resonance.file_control import differing_quantity
 from fitting.resonance.reading import read_trace_of
 from fitting.text.arguments import checked
 from fitting.text.errors import BadInput, SeveralSweeps
-from fitting.text.results_folder import remove_earlier, results_folder
 
 #: Name of the control where the files have none: their number.
 NUMBER = "file number"
@@ -287,9 +286,7 @@ def write_lines(found: Lines, out: str | Path) -> tuple[Path, ...]:
     """
     # matplotlib takes a second to import: only where something is drawn
     report = importlib.import_module("fitting.report.line")
-    with results_folder(Path(out), "line", LINES_FILES):
-        files: tuple[Path, ...] = report.write_lines(
-            found.to_dict(), (found.control, found.unit), Path(out)
-        )
-        remove_earlier(Path(out), LINES_FILES)
+    rows, control = found.to_dict(), (found.control, found.unit)
+    files: tuple[Path, ...]
+    files = written(out, "line", LINES_FILES, lambda to: report.write_lines(rows, control, to))
     return files

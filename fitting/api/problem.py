@@ -7,16 +7,19 @@ from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from fitting.api.fmu import Fmu, opened_fmu
-from fitting.api.start_values import Starts, started
-from fitting.campaign import Campaign, WrittenFmu, bind
+from fitting.campaign import Campaign as Campaign
+from fitting.campaign import WrittenFmu, bind
 from fitting.campaign.arrays import Parameter, Sweep, Tones, bind_arrays
+from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.joint import refuse_repeats
 from fitting.campaign.noise import Noise
+from fitting.campaign.parameters import Parameter as BoundParameter
 from fitting.campaign.parameters import bounds, names, scales, starts, to_model, to_search
 from fitting.fit.density import Density
 from fitting.fit.objective import Objective, evaluate_many, jacobian_of, make_objective, stencil
@@ -25,6 +28,7 @@ from fitting.fit.problem import PlannedFmu, plan_problem, problem_of
 from fitting.fit.problem import Problem as Record
 from fitting.fmu.isolation import Isolate
 from fitting.fmu.models import provide_fmu
+from fitting.fmu.parameter_set import SetValue, read_parameter_set
 from fitting.measurements.complex.sweep import ComplexSweep
 from fitting.measurements.dataset import part_of
 from fitting.measurements.demodulated.traces import DemodulatedTrace
@@ -35,12 +39,12 @@ from fitting.measurements.traces.traces import Trace
 from fitting.result.provenance import sha256_of
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, shown
-from fitting.text.units import checked_accuracy
-
-__all__ = ["Campaign", "Problem", "Respond", "fmu_of", "one_fmu"]
+from fitting.text.units import checked_accuracy, convert
 
 #: What a program gives as measured.
 Measured = Tones | Sweep | ComplexSweep | Trace | DemodulatedTrace | NoiseSpectrum | Measurement
+#: Where a search starts: values by parameter in its unit, or the path of an .ssv file.
+Starts = Mapping[str, float] | str | Path
 #: Makes the model of one discrete alternative.
 Respond = Callable[[Mapping[str, Scalar]], Response]
 
@@ -177,10 +181,7 @@ class Problem:
         count = len(self.record.alternatives)
         if not 0 <= number < count:
             raise BadInput(f"alternative {number}: there are {count}, counted from 0")
-        other = copy(self)
-        other.__dict__.pop("objective", None)
-        other._alternative = number
-        return other
+        return self._changed("objective", _alternative=number)
 
     def widened(self, factor: float, p: npt.ArrayLike) -> Problem:
         """The same problem, whose rows of unknown noise constrain the parameters so much less.
@@ -201,9 +202,7 @@ class Problem:
             raise BadInput(f"problem: the factor is {factor!r}, wanted at least 1")
         density = replace(self.density, share=1.0, least=0.0)
         least = float(np.sum(self.residuals(p)[~density.known] ** 2))
-        other = copy(self)
-        other.density = replace(density, share=factor**-2, least=least)
-        return other
+        return self._changed(density=replace(density, share=factor**-2, least=least))
 
     @property
     def unknown_noise(self) -> int:
@@ -222,12 +221,8 @@ class Problem:
                 everything, or too little left of a measurement.
         """
         data = part_of(self.record.data, settings)
-        other = copy(self)
-        for cached in ("objective", "planned"):
-            other.__dict__.pop(cached, None)
-        other.record = replace(self.record, data=data)
-        other.density = replace(self.density, data=data)
-        return other
+        record, density = replace(self.record, data=data), replace(self.density, data=data)
+        return self._changed("objective", "planned", record=record, density=density)
 
     @property
     def has_fmu(self) -> bool:
@@ -256,9 +251,14 @@ class Problem:
         Args:
             planned: the FMU with that plan.
         """
+        return self._changed("objective", planned=planned)
+
+    def _changed(self, *without: str, **attributes: Any) -> Problem:
+        """The same problem with other attributes, and without some that were computed before."""
         other = copy(self)
-        other.__dict__.pop("objective", None)
-        other.__dict__["planned"] = planned
+        for name in without:
+            other.__dict__.pop(name, None)
+        other.__dict__.update(attributes)
         return other
 
     def respond(self, alternative: Mapping[str, Scalar]) -> Response:
@@ -480,3 +480,43 @@ def _is_one_file(one: Path | None, other: Path | None) -> bool:
         return one.stat().st_size == other.stat().st_size and sha256_of(one) == sha256_of(other)
     except OSError:  # complained of where it is opened
         return False
+
+
+def started(campaigns: Sequence[BoundCampaign], start: Starts) -> list[BoundCampaign]:
+    """The same campaigns, whose parameters start at these values.
+
+    A file may hold further variables of the FMU, which are left; a mapping may not.
+
+    Args:
+        campaigns: bound to their FMU.
+        start: values by parameter in its unit, or the path of a parameter set (.ssv).
+
+    Raises:
+        BadInput: no parameter of the campaigns is named, or one that there is not; a value outside
+            its box, or of another unit.
+    """
+    if isinstance(start, Mapping):
+        where, given = "start", {n: SetValue(name=n, value=v) for n, v in start.items()}
+    else:
+        where, given = f"{start}", {v.name: v for v in read_parameter_set(Path(start))}
+    fitted = dict.fromkeys(p.name for campaign in campaigns for p in campaign.parameters)
+    unknown = [name for name in given if name not in fitted]
+    if len(unknown) == len(given) or (unknown and isinstance(start, Mapping)):
+        named = ", ".join(unknown) or "nothing"
+        raise BadInput(f"{where}: found {named}, wanted values of {', '.join(fitted)}")
+
+    def at_start(p: BoundParameter) -> BoundParameter:
+        if p.name not in given:
+            return p
+        value, unit = given[p.name].value, given[p.name].unit
+        if isinstance(value, bool | str):
+            raise BadInput(f"{where}: {p.name}: found {value!r}, wanted a number")
+        value = float(value)
+        if unit and unit != p.unit:
+            value = convert(value, unit, p.unit, where=f"{where}: {p.name}")
+        try:
+            return replace(p, start=value)
+        except BadInput as error:
+            raise BadInput(f"{where}: {error}") from error
+
+    return [replace(c, parameters=tuple(map(at_start, c.parameters))) for c in campaigns]

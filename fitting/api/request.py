@@ -69,10 +69,23 @@ class RequestBinder:
                     "wanted the names of those that hold the frequencies of the tones, or an "
                     "input to drive"
                 )
-            names = self._sounding(tuple(map(str, tones)), values)
+            # a tone whose amplitude is 0 has no frequency; where none drives, all have
+            driving = []
+            for name in map(str, tones):
+                amplitude = amplitude_of(name, self.variables)
+                if amplitude is None or values.get(amplitude.name, amplitude.start or 0.0):
+                    driving.append(name)
+            names, frequencies_hz = tuple(driving or map(str, tones)), []
+            for name in names:
+                where = f"tones '{name}'"
+                unit = self.frequency_unit("tones", name)
+                value = values.get(name, self.variables[name].start)
+                if value is None:
+                    raise BadInput(f"{where}: has no start value, wanted one in start_values")
+                frequencies_hz.append(convert(float(value), unit, "Hz", where=where))
             return Drive(
                 start_values=values,
-                tones_hz=tuple(self._tone_hz(name, values) for name in names),
+                tones_hz=tuple(frequencies_hz),
                 outputs=self.outputs(outputs, "outputs"),
                 tone_names=names,
             )
@@ -210,20 +223,3 @@ class RequestBinder:
             if (v.kind, v.variability) == ("Real", "continuous"):
                 return (v.name,)
         raise BadInput(f"{self.description.path}: has no continuous Real output, wanted {argument}")
-
-    def _sounding(self, names: tuple[str, ...], values: Mapping[str, Scalar]) -> tuple[str, ...]:
-        """The tones that drive: one whose amplitude is 0 has no frequency; all where none does."""
-        driving = tuple(
-            name
-            for name in names
-            if (amplitude := amplitude_of(name, self.variables)) is None
-            or values.get(amplitude.name, amplitude.start or 0.0)
-        )
-        return driving or names
-
-    def _tone_hz(self, name: str, values: Mapping[str, Scalar]) -> float:
-        unit = self.frequency_unit("tones", name)
-        value = values.get(name, self.variables[name].start)
-        if value is None:
-            raise BadInput(f"tones '{name}': has no start value, wanted one in start_values")
-        return convert(float(value), unit, "Hz", where=f"tones '{name}'")
