@@ -41,10 +41,11 @@ Source: N. Draper and H. Smith, Applied Regression Analysis (extra sum of square
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from operator import attrgetter
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import gammaincc
@@ -315,9 +316,8 @@ def unseen(solution: Solution) -> Adequacy | None:
         solution: the end of a fit.
     """
     data, residuals = solution.objective.data, solution.final.residuals
-    fitted = [m for m in data.measurements if m.rows]
-    flat = [m.rows_without_response for m in fitted]
-    if not fitted or not all(rows.size for rows in flat):
+    flat = [m.rows_without_response for m in data.measurements if m.rows]
+    if not flat or not all(rows.size for rows in flat):
         return None
     free = sum(p.prior_sigma is None for p in solution.parameters)
     unknowns = free + data.solved_inside
@@ -329,7 +329,7 @@ def unseen(solution: Solution) -> Adequacy | None:
         p_value=math.nan,
         describes=False,
         no_line=True,
-        series=tuple(dict.fromkeys(m.series for m in fitted if m.series)),
+        series=tuple(dict.fromkeys(m.series for m in data.measurements if m.rows and m.series)),
     )
 
 
@@ -357,13 +357,12 @@ def ending_of(
     kind: str = "described"
     if status is Status.MISFIT:
         kind = "no_line" if adequacy is not None and adequacy.no_line else "not_described"
-    fitted = [(m, k) for m, k in zip(data.measurements, data.slices, strict=True) if m.rows]
-    shares = [
-        share
-        for m, rows in fitted
-        if residuals is not None and m.is_curve
-        if math.isfinite(share := m.share_left(residuals[rows]))
-    ]
+    fitted, shares = 0, list[float]()
+    for m, rows in zip(data.measurements, data.slices, strict=True):
+        fitted += m.rows > 0
+        if residuals is not None and m.is_curve and m.rows:
+            share = m.share_left(residuals[rows])
+            shares += [share] if math.isfinite(share) else []
     return Ending(
         kind=kind,  # type: ignore[arg-type]
         adequacy=adequacy,
@@ -371,14 +370,15 @@ def ending_of(
         structure=structure,
         noise="estimated" if any(m.estimates_noise for m in data.measurements) else "stated",
         share=max(shares, default=math.nan),
-        is_part=len(shares) < len(fitted),
+        is_part=len(shares) < fitted,
     )
 
 
 # --- closer form ----------------------------------------------------------------------------------
 
-#: Rows for each unknown of complex lines, at least, and most lines.
+#: Rows for each unknown of complex lines, at least, and most lines; and what so many are.
 ROWS, MOST_LINES = 3, 3
+SHAPES: tuple[Literal["line", "pair", "three_lines"], ...] = ("line", "pair", "three_lines")
 
 
 def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
@@ -390,21 +390,21 @@ def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
     """
     if solution.structure is None or solution.structure.order == 0:  # it leaves noise
         return None
-    refuted = []
+    refuted: list[Adequacy | None] = []
     data, residuals = solution.objective.data, solution.final.residuals
-    at = {
-        p.name: float(v)
-        for p, v in zip(solution.parameters, solution.final.parameters, strict=True)
-    }
+    names = (p.name for p in solution.parameters)
+    at = dict(zip(names, solution.final.parameters.tolist(), strict=True))
+    promised = np.zeros(len(data.measurements))
+    promised[: len(solution.final.promised)] = solution.final.promised
 
     def moving(rows: slice) -> int:
         """Parameters that the rows depend on."""
         return int(np.count_nonzero(np.any(solution.matrix[rows] != 0.0, axis=0)))
 
-    for k, (m, rows) in enumerate(zip(data.measurements, data.slices, strict=True)):
+    for m, rows, error in zip(data.measurements, data.slices, promised, strict=True):
         # residuals that rounding, or what the simulation may be off by, makes; over the largest
-        promised = dict(enumerate(solution.final.promised)).get(k, 0.0)
-        model = Model(residuals[rows], moving(rows), max(SMALLEST_RESIDUAL, promised))
+        model = Model(residuals[rows], moving(rows), max(SMALLEST_RESIDUAL, float(error)))
+        begin = rows.start
         if isinstance(m, Sweep) and m.fitted:
             sweep = m.frequency_hz, m.amplitude_v
             if not np.any(m.sigma > 0.0):
@@ -414,11 +414,9 @@ def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
                 two = replace(model, unknowns=1 + m.solved_inside + model.unknowns)
                 refuted.append(compared_pair(*sweep, two))
         elif isinstance(m, ComplexSweep):
-            begin = rows.start
             for curve in m.records:
                 mine = slice(begin, begin + 2 * curve.y.size)
-                begin = mine.stop
-                columns = curve.wiring.columns
+                begin, columns = mine.stop, curve.wiring.columns
                 one = replace(model, residuals=residuals[mine], unknowns=2 * columns + moving(mine))
                 fitted = Fitted(
                     columns=columns,
@@ -429,7 +427,6 @@ def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
                 values = m.without_delay(curve, at)
                 refuted.append(compared_complex(curve.u_hz, values, one, fitted))
         elif isinstance(m, Traces):
-            begin = rows.start
             for trace in m.traces:
                 mine = slice(begin, begin + trace.y.size)
                 begin = mine.stop
@@ -609,70 +606,57 @@ def compared_complex(
         fitted: what was solved for besides the model.
     """
     y = np.asarray(values / np.max(np.abs(values)))
-    forms = [*_complex_forms(frequency_hz, y, model, fitted)]
+    forms: list[_Form] = []
+    # all lines side by side that the points can distinguish, the simplest ones first. One of two
+    # may lie beyond the points. Of three none may: over a wide sweep the third pole is the mirror
+    # image of modes at negative frequencies, of which a good model leaves as little
+    columns = range(fitted.columns, min(fitted.columns + 1, len(BACKGROUNDS)) + 1)
+    sizes = itertools.product(range(1, MOST_LINES + 1), columns)
+    low, high = frequency_hz[0], frequency_hz[-1]
+    for lines, count in sorted(sizes, key=lambda each: 2 * each[0] + each[1]):
+        is_fitted = (2 * lines + count - 1) * ROWS <= y.size
+        fit = fit_lines(frequency_hz, y, lines, count - 1) if is_fitted else None
+        if fit is None:
+            continue
+        has_more = count > fitted.columns
+        remedy = "output" if lines > 1 else "background" if has_more else ""
+        rival = Rival(
+            shape=SHAPES[lines - 1],
+            background=("", "complex", "complex slope")[count - 1] if has_more else "",
+            label=fitted.label,
+            remedy=remedy,  # type: ignore[arg-type]
+        )
+        if remedy == "background":
+            key = f'{fitted.table} background = "{BACKGROUNDS[count - 1]}"'
+            rival = replace(rival, key=key)
+        if not shows_all(frequency_hz, fit):
+            if lines != 2 or low < fit.others[0].frequency.value < high:
+                continue
+            rival = replace(rival, shape="line", background=TAIL)
+        squares = max(fit.squares, 2 * y.size * model.resolved**2)
+        forms.append(_Form(squares=squares, rows=2 * y.size, fit=fit, rival=rival))
     if not forms:
         return None
+
     refuting = [form for form in forms if form.refutes(model.squares, model.unknowns)]
     if not refuting or fitted.noise_is_known:
         real, imaginary = np.split(model.residuals, 2)
         curve = np.asarray(y + real + 1j * imaginary, dtype=complex)
-        for form in (each for each in forms if len(each.fit.others) == 1):
-            refusal = form.refusal_by_pair(frequency_hz, y, model, curve)
+        for form in forms:
+            refusal = None
+            if len(form.fit.others) == 1:
+                refusal = form.refusal_by_pair(frequency_hz, y, model, curve)
             if refusal is not None:
                 return refusal
         if fitted.noise_is_known:
             return None
     if not refuting:
-        return min(forms, key=lambda form: form.squares).against(model)
+        return min(forms, key=attrgetter("squares")).against(model)
     simplest, *others = refuting
     for form in others:
         if form.refutes(simplest.squares, simplest.unknowns):
             simplest = form
     return simplest.against(model)
-
-
-def _complex_forms(
-    frequency_hz: FloatArray, y: ComplexArray, model: Model, fitted: Fitted
-) -> Iterator[_Form]:
-    """All lines side by side that the points can distinguish, the simplest ones first.
-
-    One of two may lie beyond the points. Of three none may: over a wide sweep the third pole is the
-    mirror image of modes at negative frequencies, of which a good model leaves as little.
-    """
-    sizes = [
-        (lines, columns)
-        for lines in range(1, MOST_LINES + 1)
-        for columns in range(fitted.columns, min(fitted.columns + 1, len(BACKGROUNDS)) + 1)
-    ]
-    low, high = frequency_hz[0], frequency_hz[-1]
-    for lines, columns in sorted(sizes, key=lambda each: 2 * each[0] + each[1]):
-        if (2 * lines + columns - 1) * ROWS > y.size:
-            continue
-        fit = fit_lines(frequency_hz, y, lines, columns - 1)
-        if fit is None:
-            continue
-        background = ("", "complex", "complex slope")[columns - 1]
-        background = background if columns > fitted.columns else ""
-        shape = ("line", "pair", "three_lines")[lines - 1]
-        if not shows_all(frequency_hz, fit):
-            if lines != 2 or low < fit.others[0].frequency.value < high:
-                continue
-            shape, background = "line", TAIL
-        key = f'{fitted.table} background = "{BACKGROUNDS[columns - 1]}"'
-        more = columns > fitted.columns
-        remedy = "output" if lines > 1 else "background" if more else ""
-        yield _Form(
-            squares=max(fit.squares, 2 * y.size * model.resolved**2),
-            rows=2 * y.size,
-            fit=fit,
-            rival=Rival(
-                shape=shape,  # type: ignore[arg-type]
-                background=background,
-                label=fitted.label,
-                remedy=remedy,  # type: ignore[arg-type]
-                key=key if remedy == "background" else "",
-            ),
-        )
 
 
 # --- free decays ----------------------------------------------------------------------------------

@@ -32,6 +32,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -474,8 +475,8 @@ class _Both:
         if self.factor:
             free = self._least("STF", both.y, swept.y)
             # what a factor led to may be lower without it, too
-            without = self._descend("ST", np.append(free.y[:-1], 0.0))
-            both = min((both, without), key=lambda end: end.chi_square)
+            without = self._least("ST", np.append(free.y[:-1], 0.0))
+            both = min(both, without, key=attrgetter("chi_square"))
             excess = max(1.0, free.chi_square / max(1, free.rows.size - self._rank(free) - 2))
             gain = both.chi_square - free.chi_square - self._by_priors(both, free)
             sigmas = self._sigmas(gain / excess, 1)
@@ -507,8 +508,9 @@ class _Both:
         _, left = self._step(alone, GENTLE)
         freedom = max(1, alone.rows.size - self._rank(alone) - 1)
         own, self.scatter = self.scatter, self.scatter * max(1.0, math.sqrt(left / freedom))
-        swept, peaks, both = (self._at(p, self.start) for p in ("T", f"S{self.factor}", "ST"))
-        squares = [self._step(end, GENTLE)[1] for end in (both, swept, peaks)]
+        squares = []
+        for parts in ("ST", "T", f"S{self.factor}"):
+            squares.append(self._step(self._at(parts, self.start), GENTLE)[1])
         self.scatter = own
         return squares[0] - squares[1] - squares[2]
 
@@ -546,21 +548,21 @@ class _Both:
 
     def _least(self, parts: str, *starts: FloatArray) -> _End:
         """The lowest end of descents from some points."""
-        return min((self._descend(parts, y) for y in starts), key=lambda end: end.chi_square)
-
-    def _descend(self, parts: str, start: FloatArray) -> _End:
-        here, damping = self._at(parts, start), GENTLE
-        for _ in range(ROUNDS):
-            low, high = (np.clip((b - here.y) / self.units, -1.0, 1.0) for b in self.bounds)
-            step, left = self._step(here, damping, (low, high))
-            if here.chi_square - left < PROMISE:
-                return here
-            there = self._at(parts, here.y + self.units * step)
-            if there.chi_square < here.chi_square:
-                here, damping = there, max(GENTLE, 0.1 * damping)
-            else:
-                damping = max(100.0 * damping, 1.0)
-        return here
+        ends = []
+        for start in starts:
+            here, damping = self._at(parts, start), GENTLE
+            for _ in range(ROUNDS):
+                low, high = (np.clip((b - here.y) / self.units, -1.0, 1.0) for b in self.bounds)
+                step, left = self._step(here, damping, (low, high))
+                if here.chi_square - left < PROMISE:
+                    break
+                there = self._at(parts, here.y + self.units * step)
+                if there.chi_square < here.chi_square:
+                    here, damping = there, max(GENTLE, 0.1 * damping)
+                else:
+                    damping = max(100.0 * damping, 1.0)
+            ends.append(here)
+        return min(ends, key=attrgetter("chi_square"))
 
     def _step(
         self, here: _End, damping: float, bounds: tuple[FloatArray, FloatArray] | None = None
@@ -601,11 +603,11 @@ class _Both:
         if key not in self._known:
             around = forward(x, self.solution.objective.steps, self.upper)
             points = evaluate_many(self.solution.objective, around.nodes, whole=True)
-            peaks = [point.residuals[self.peaks] for point in points]
-            swept = [
-                np.asarray(point.scaled[self.place] / self.sweep.maximum_v, dtype=float)
-                for point in points
-            ]
+            peaks, swept = list[FloatArray](), list[FloatArray]()
+            for point in points:
+                peaks.append(point.residuals[self.peaks])
+                curve = point.scaled[self.place] / self.sweep.maximum_v
+                swept.append(np.asarray(curve, dtype=float))
             self._known[key] = _Expansion(
                 peaks[0], around.quotients(peaks), swept[0], around.quotients(swept)
             )

@@ -56,6 +56,7 @@ from fitting.inference.likelihood.knowledge import (
     Equivalent,
     Knowledge,
     Profile,
+    Scan,
 )
 from fitting.inference.likelihood.profile import output_ranges
 from fitting.inference.likelihood.scan import scan_profiles
@@ -66,7 +67,7 @@ from fitting.signal.residual_tests import Structure
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.choices import usual_budget
 from fitting.text.errors import BadInput, OutOfBudget
-from fitting.text.estimate import ROOT_95, OutputEstimate, ParameterEstimate
+from fitting.text.estimate import ROOT_95, FittedEstimate, OutputEstimate, ParameterEstimate
 from fitting.text.finding import Kind, note
 from fitting.text.notation import span
 
@@ -291,10 +292,16 @@ def _assemble(
     options: InferenceOptions,
 ) -> Determined:
     """Values with their profiles, and what is found besides where the model describes the data."""
-    values = {name: p.value for name, p in profiles.items()}
-    for name, value in values.items():
+    own, derived = dict[str, ParameterEstimate](), dict[str, OutputEstimate]()
+    scans, values = dict[str, Scan](), dict[str, FittedEstimate]()
+    for name, (value, scan) in profiles.items():
         interval = span(*value.ci95, value.unit).replace("\u00a0", " ")
         _log.info("profile of %s: %s, %s", name, interval, value.status)
+        values[name], scans[name] = value, scan
+        if isinstance(value, ParameterEstimate):
+            own[name] = value
+        elif isinstance(value, OutputEstimate):
+            derived[name] = value
     evaluator.begin(Stage.DIRECTIONS)
     wants_directions = options.directions and adequacy.describes
     directions = identifiability.directions(evaluator, optimum) if wants_directions else ()
@@ -314,7 +321,7 @@ def _assemble(
         adequacy=adequacy,
         most_likely={p.name: float(v) for p, v in zip(parameters, here, strict=True)},
         inflation=likelihood.inflation,
-        scans={name: p.scan for name, p in profiles.items()},
+        scans=scans,
         directions=directions,
         without_effect=idle,
         equivalents=equivalents,
@@ -325,8 +332,8 @@ def _assemble(
     )
     rates_hz = [rate for m in data.measurements for rate in m.sampled_hz]
     return Determined(
-        parameters={n: v for n, v in values.items() if isinstance(v, ParameterEstimate)},
-        derived={n: v for n, v in values.items() if isinstance(v, OutputEstimate)},
+        parameters=own,
+        derived=derived,
         findings=(
             *sampling_findings(rates_hz, values, equivalents),
             *identifiability.scan_findings(profiles),
@@ -400,7 +407,7 @@ def identify(
         seed=request.seed,
         budget=request.budget,
         others=begins[1:],
-        alternatives=tuple(equal for equal in equal_fits if equal is not None),
+        alternatives=tuple(filter(None, equal_fits)),
         data=not request.expected,
         bootstrap=request.bootstrap,
         progress=request.progress,

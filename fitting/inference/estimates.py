@@ -206,9 +206,13 @@ def derived_results(
             error["simulation"] = 0.0
         # of a value of its own at each place
         each = len(places) == values.size > 1
-        around = [answer[name] for answer in outputs.values[2:]]
-        slopes = outputs.secants.quotients(around) if each else ()
-        errors = [_errors(solution, slope) for slope in slopes]
+        stds, halves = list[float](), list[float]()
+        if each:
+            around = [answer[name] for answer in outputs.values[2:]]
+            for slope in outputs.secants.quotients(around):
+                own, _, end = _errors(solution, slope)
+                stds.append(own["std"])
+                halves.append(end if own["status"] is Verdict.LINEARISED else math.nan)
         results[name] = OutputEstimate(
             name=name,
             value=mean(values),
@@ -223,10 +227,8 @@ def derived_results(
             most_likely=best,
             reason=phrase("status", "no_profile"),
             places=places if each else (),
-            stds=tuple(own["std"] for own, _, _ in errors),
-            halves95=tuple(
-                end if own["status"] is Verdict.LINEARISED else math.nan for own, _, end in errors
-            ),
+            stds=tuple(stds),
+            halves95=tuple(halves),
             **error,
         )
     return results
@@ -247,12 +249,14 @@ def offset_results(solution: Solution, estimates: Estimates) -> dict[str, Offset
     for i, p in enumerate(parameters):
         if p.experiment is None:
             continue
-        alike = [k for k in range(len(parameters)) if targets[k] == targets[i]]
-        adds = np.zeros(len(parameters))
-        adds[[k for k in alike if p.experiment in parameters[k].experiments]] = 1.0
+        adds, later = np.zeros(len(parameters)), set[str | None]()
+        for k, other in enumerate(parameters):
+            if targets[k] == targets[i]:
+                adds[k] = float(p.experiment in other.experiments)
+                if k != i and other.experiments:
+                    later.add(other.experiment)
         error, std, half = _errors(solution, adds * scales)
         best = float(adds @ estimates.best)
-        later = [parameters[k].experiment for k in alike if k != i and parameters[k].experiments]
         # its prior gives it an error where the data do not
         results[p.name] = OffsetEstimate(
             name=p.name,

@@ -234,7 +234,7 @@ def _profiles(
         units=request.units,
         seed=fit.options.schedule.seed,
         budget=request.budget,
-        alternatives=tuple(equal for equal in alternatives if equal is not None),
+        alternatives=tuple(filter(None, alternatives)),
         bootstrap=request.bootstrap,
         structure=solution.structure,
         # what one experiment holds has a table of its own

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -149,13 +150,11 @@ def _interval(scans: Scans, quantity: Quantity, unit: str, turn: FloatArray) -> 
         if quantity.is_periodic:
             box = (shift + scale * quantity.low, shift + scale * quantity.high)
     low, high = scans.sides[quantity.name]
+    ends = np.array([[low.end68, low.end95], [high.end68, high.end95]])
+    limits = np.array([[quantity.low], [quantity.high]])
     # the very bound where an end is one
-    low68, low95 = (
-        box[0] if end == quantity.low else shift + scale * end for end in (low.end68, low.end95)
-    )
-    high68, high95 = (
-        box[1] if end == quantity.high else shift + scale * end for end in (high.end68, high.end95)
-    )
+    ends = np.where(ends == limits, np.reshape(box, (2, 1)), shift + scale * ends)
+    ci68, ci95 = ends.T.tolist()
     closed = (low.closed, high.closed)
     if "periodic" in closed and closed != ("periodic", "periodic"):
         # half a period up and down is one and the same system: where the half turn fits from one
@@ -171,8 +170,8 @@ def _interval(scans: Scans, quantity: Quantity, unit: str, turn: FloatArray) -> 
         best=shift + scale * quantity.best,
         error=scale * quantity.sigma,
         box=box,
-        ci68=(low68, high68),
-        ci95=(low95, high95),
+        ci68=tuple(ci68),
+        ci95=tuple(ci95),
         closed=closed,
         active=tuple(dict.fromkeys(held)),
         is_closed=math.isfinite(low.own95) and math.isfinite(high.own95),
@@ -185,11 +184,9 @@ def _with_other_fits(
     """The interval with values that fit as well elsewhere, and as wide as these make it."""
     others, exchange = [], None
     has_alternative = any(other.origin == "alternative" for other in equivalents)
-    own = [here.shift + here.scale * side.own95 for side in scans.sides[quantity.name]]
-    low, high = (
-        end if math.isfinite(end) else limit
-        for end, limit in zip(own, (-math.inf, math.inf), strict=True)
-    )
+    down, up = scans.sides[quantity.name]
+    low = here.shift + here.scale * down.own95 if math.isfinite(down.own95) else -math.inf
+    high = here.shift + here.scale * up.own95 if math.isfinite(up.own95) else math.inf
     margin = 1e-6 * (quantity.high - quantity.low) * here.scale
     # where one end is closed the width of the interval is no measure: the other end is a bound
     sides = (here.ci68[0] - here.ci95[0], here.ci95[1] - here.ci68[1])
@@ -256,12 +253,13 @@ def _points(scans: Scans, quantity: Quantity, here: _Interval, turn: FloatArray)
     """All points of a profile in rising order, the optimum among them, with what moves along it."""
     likelihood, (down, up) = scans.optimum.likelihood, scans.sides[quantity.name]
     middle = ScanPoint(value=quantity.best, delta=0.0, at=scans.optimum.expansion)
-    points = sorted([*down.points, middle, *up.points], key=lambda point: point.value)
+    points = sorted([*down.points, middle, *up.points], key=attrgetter("value"))
     table = to_model(likelihood.parameters, np.array([point.x for point in points])) + turn
-    path = {p.name: tuple(map(float, table[:, i])) for i, p in enumerate(likelihood.parameters)}
-    for k, name in enumerate(likelihood.names):  # NaN where outputs were not read
-        read = [float(point.outputs[k]) if point.outputs.size else math.nan for point in points]
-        path[name] = tuple(read)
+    read = np.full((len(points), len(likelihood.names)), np.nan)  # where outputs were not read
+    for row, point in zip(read, points, strict=True):
+        row[:] = point.outputs if point.outputs.size else np.nan
+    names = (*(p.name for p in likelihood.parameters), *likelihood.names)
+    path = dict(zip(names, map(tuple, np.hstack([table, read]).T.tolist()), strict=True))
     return Scan(
         sigma=here.error,
         held=here.active,

@@ -24,7 +24,7 @@ from fitting.inference.agreement import SweepAgreement, explained_by_model, swee
 from fitting.lines.choice import chance
 from fitting.lines.decay_model import Decays, fit_decays
 from fitting.lines.decay_record import SAMPLES
-from fitting.lines.faults import Fault, SweepFault, fault_finding, sweep_faults
+from fitting.lines.faults import Fault, fault_finding, sweep_faults
 from fitting.lines.form import LineFit, fit_resonance
 from fitting.lines.names import ADDED, FLOOR, OFFSET, RICE, SLOPE
 from fitting.lines.record import (
@@ -178,21 +178,23 @@ def line_of_sweep(
         fits: of lines, to be shared.
     """
     lines, (frequency_hz, amplitude) = fits or LineFits(), sweep.of_line
-
-    def fitted(background: str) -> LineFit | str:
-        return lines.line(frequency_hz, amplitude, background, sweep.source.name)
-
-    forms = {background: fitted(background) for background in ("none", "complex")}
-    offset, slope = fitted(OFFSET), fitted(SLOPE)
-    if sweep.background == OFFSET or _is_less(offset, forms["complex"]):
-        forms[OFFSET] = offset
-    gains = background_p(offset, slope) < BACKGROUND_P
-    if sweep.background == SLOPE or (gains and _is_less(slope, forms["complex"])):
-        forms[SLOPE] = slope
+    # fits by background, and what they leave, in the sweep's unit; without a fit all of it
+    every, remains = dict[str, LineFit | str](), dict[str, float]()
+    for background in ("none", "complex", OFFSET, SLOPE):
+        each = lines.line(frequency_hz, amplitude, background, sweep.source.name)
+        every[background], remains[background] = each, math.inf
+        if not isinstance(each, str):
+            remains[background] = each.rms_residual * each.amplitude.value
+    forms = {background: every[background] for background in ("none", "complex")}
+    if sweep.background == OFFSET or remains[OFFSET] < remains["complex"]:
+        forms[OFFSET] = every[OFFSET]
+    gains = background_p(every[OFFSET], every[SLOPE]) < BACKGROUND_P
+    if sweep.background == SLOPE or (gains and remains[SLOPE] < remains["complex"]):
+        forms[SLOPE] = every[SLOPE]
 
     fit = forms[sweep.background]
     if not isinstance(fit, str) and not math.isnan(left) and fit.structure.order > 0:
-        own = _left(fit) / float(np.max(amplitude))
+        own = remains[sweep.background] / float(np.max(amplitude))
         if own > FAR_MORE * max(left, SMALLEST_RESIDUAL):
             fit = phrase("status", "no_single_line", own, left)
     notes = dict(sweep.notes or {})
@@ -229,16 +231,6 @@ def line_of_sweep(
         mirrored=None if fit.mirrored is None else replace(fit.mirrored, unit=sweep.unit),
         background_p=background_p(forms["none"], list(forms.values())[-1]),
     )
-
-
-def _left(fit: LineFit) -> float:
-    """Root mean square of the residuals, in the sweep's unit."""
-    return fit.rms_residual * fit.amplitude.value
-
-
-def _is_less(fit: LineFit | str, other: LineFit | str) -> bool:
-    """Whether a fit leaves less than another one, or than nothing."""
-    return not isinstance(fit, str) and (isinstance(other, str) or _left(fit) < _left(other))
 
 
 def background_p(plain: LineFit | str, full: LineFit | str) -> float:
@@ -346,17 +338,16 @@ def values_of_line(
         own = fits.line(frequency_hz, np.abs(simulated))
         if isinstance(own, str):
             return {}
-        width = own.width.value
-        return {
-            name: what
-            for name, value in there.items()
-            for what, number, unit, size in (
-                ("frequency", own.frequency.value, "Hz", width),
-                ("width", width, "Hz", width),
-                ("q", own.q.value, "", own.q.value),
-            )
-            if abs(_in(value, units[name], unit) - number) < NEAR * size
-        }
+        width, q, same_as = own.width.value, own.q.value, dict[str, str]()
+        for name, value in there.items():
+            in_hertz = _in(value, units[name], "Hz")
+            if abs(in_hertz - own.frequency.value) < NEAR * width:
+                same_as[name] = "frequency"
+            if abs(in_hertz - width) < NEAR * width:
+                same_as[name] = "width"
+            if abs(_in(value, units[name], "") - q) < NEAR * q:
+                same_as[name] = "q"
+        return same_as
 
     here = {name: value.most_likely for name, value in values.items()}
     names = same(here, solution.final.scaled[k])
@@ -371,12 +362,11 @@ def values_of_line(
         means = output_means(solution.objective.response, solution.parameters, xs)
     except (FmuFailure, NoScale):
         return {}
-    for i, point in enumerate(points):
-        there = {
-            p.name: float(v) for p, v in zip(solution.parameters, point.parameters, strict=True)
-        }
-        there |= {name: float(row[i]) for name, row in means.items()}
-        still = same({n: there[n] for n in names}, point.scaled[k])
+    own = [p.name for p in solution.parameters]
+    table = np.column_stack([np.array([point.parameters for point in points]), *means.values()])
+    for row, point in zip(table.tolist(), points, strict=True):
+        there = dict(zip((*own, *means), row, strict=True))
+        still = same({name: there[name] for name in names}, point.scaled[k])
         names = {name: what for name, what in names.items() if still.get(name) == what}
     return names
 
@@ -475,16 +465,26 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         gives_scale = sweep.scale not in ("none", "free") and bool(
             problem.campaigns[name].experiments
         )
-        off = [0.0]
-        for fault in _faults(sweep_faults(*sweep.of_line), solution, name):
+        here, off = sweep_faults(*sweep.of_line), list[float]()
+        like_lines = [
+            fault
+            for fault in here
+            if fault.fault is Fault.BACKGROUND
+            or (fault.fault is Fault.SATURATION and fault.two_lines)
+        ]
+        # a model of several lines has the shape of these
+        explained_away = like_lines if like_lines and explained_by_model(solution, name) else []
+        for fault in here:
+            if fault in explained_away:
+                continue
             bent = fault.fault in BENT_TOPS and gives_scale
             faults.append(fault_finding(fault, name, gives_scale=bent))
             if bent:  # the law of a saturated top is not known
                 missing = min(abs(fault.size) + 2.0 * fault.std, MOST_MISSING)
                 factor = 2.0 if fault.fault is Fault.SATURATION else 1.0
                 off.append(-factor * math.log1p(-missing))
-        if len(off) > 1:
-            doubts[name] = max(off[1:])
+        if off:
+            doubts[name] = max(off)
     return SweepFindings(
         lines={n: line_of_sweep(s, explained.get(n, math.nan), fits) for n, s in sweeps.items()},
         faults=(*points, *faults),
@@ -493,17 +493,3 @@ def sweep_findings(problem: Problem, solution: Solution) -> SweepFindings:
         agreement=() if points or faults else sweep_agreement(solution),
         fits=fits,
     )
-
-
-def _faults(
-    faults: tuple[SweepFault, ...], solution: Solution, series: str
-) -> tuple[SweepFault, ...]:
-    """The faults; without those that a model of several lines has the shape of, if it fits."""
-    like_lines = [
-        fault
-        for fault in faults
-        if fault.fault is Fault.BACKGROUND or (fault.fault is Fault.SATURATION and fault.two_lines)
-    ]
-    if like_lines and explained_by_model(solution, series):
-        return tuple(fault for fault in faults if fault not in like_lines)
-    return faults

@@ -14,7 +14,6 @@ alone.
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -96,6 +95,11 @@ class Solved:
     def values(self) -> dict[str, FittedEstimate]:
         """Parameters and derived outputs, by name."""
         return {**self.parameters, **self.derived}
+
+    @property
+    def every(self) -> dict[str, FittedEstimate]:
+        """The same, and values of single experiments."""
+        return {**self.values, **{offset.name: offset for offset in self.offsets}}
 
     @property
     def problem(self) -> Problem:
@@ -238,8 +242,8 @@ def check_bounds(solved: Solved) -> Iterator[Finding]:
     """Parameters at the end of the fit on a bound, or next to one."""
     solution = solved.solution
     for parameter, value in zip(solution.parameters, solution.final.parameters, strict=True):
-        p = float(value)
-        bound = min(parameter.lower, parameter.upper, key=lambda end: abs(p - end))
+        p, low, high = float(value), parameter.lower, parameter.upper
+        bound = low if abs(p - low) <= abs(p - high) else high
         if abs(p - bound) >= parameter.near(bound, NEAR_BOUND):
             continue
         at_bound = abs(p - bound) <= parameter.near(bound, ON_BOUND)
@@ -277,11 +281,13 @@ def check_minima(solved: Solved) -> Iterator[Finding]:
     about = {"values": tuple(p.name for p in shared), "units": tuple(p.unit for p in shared)}
     held = np.array([errors.of(axis)[1] >= HELD for axis in np.eye(len(parameters))])
     apart = SIGMAS_APART * np.sqrt(np.diag(errors.covariance))
-    images = [twin.of(parameters, outcome.x) for twin in outcome.twins]
-    known = np.array([outcome.x, *(image for image in images if image is not None)])
+    known = [outcome.x]
+    for twin in outcome.twins:
+        image = twin.of(parameters, outcome.x)
+        known += [] if image is None else [image]
     periods = np.array([(p.period or np.inf) / p.scale for p in parameters])
     for k, minimum in enumerate(lowest(outcome.minima)):
-        gap = np.mod(np.abs(known - minimum.x), periods)
+        gap = np.mod(np.abs(np.array(known) - minimum.x), periods)
         if np.all(np.any(held & (np.minimum(gap, periods - gap) > apart), axis=1)):
             values = named(parameters, to_model(parameters, minimum.x))
             numbers = {"chi_square": minimum.chi_square} | {p.name: values[p.name] for p in shared}
@@ -298,22 +304,25 @@ def check_levels(solved: Solved) -> Iterator[Finding]:
     is a note: J is at its minimum, and the solver's own test has not said so.
     """
     history = solved.fit.path
-    levels = [row for row in history if row.level >= 0 and not row.is_minimised]
+    levels, above, gaps, at_limit = list[str](), list[str](), list[float](), 0
+    for row in history:
+        if row.level >= 0 and not row.is_minimised:
+            levels.append(str(row.level))
+            gaps.append(row.gap)
+            at_limit += row.status != "converged"
+            if row.gap > MINIMISED:
+                above.append(str(row.level))
     if not levels:
         return
-    above = [row for row in levels if row.gap > MINIMISED]
     numbers = {
         "levels": len(history) - 1.0,
-        "at_limit": float(sum(row.status != "converged" for row in levels)),
+        "at_limit": float(at_limit),
         "above": float(len(above)),
-        "gap": max(row.gap for row in levels),
+        "gap": max(gaps),
     }
-    names = {
-        "levels": tuple(str(row.level) for row in levels),
-        "above": tuple(str(row.level) for row in above),
-    }
-    said = warning if above else note
-    yield said(Kind.level_not_minimised, "Algorithm 2", names, **numbers)
+    report = warning if above else note
+    names = {"levels": tuple(levels), "above": tuple(above)}
+    yield report(Kind.level_not_minimised, "Algorithm 2", names, **numbers)
 
 
 def check_refusals(solved: Solved) -> Iterator[Finding]:
@@ -509,8 +518,8 @@ def check_frequencies(solved: Solved) -> Iterator[Finding]:
         tones = [float(f) for e in campaign.experiments for f in e.tones_hz]
         if campaign.sweep is None or not tones:
             continue
-        here, other = line.frequency.value, statistics.median(tones)
-        if any(abs(other / (factor * here) - 1.0) < NEAR for factor in PREFIXES):
+        here, other = line.frequency.value, float(np.median(tones))
+        if np.any(np.abs(other / (np.array(PREFIXES) * here) - 1.0) < NEAR):
             names = {"file": (campaign.sweep.source.name,)}
             numbers = {"frequency_hz": here, "other_hz": other}
             yield warning(Kind.frequencies_apart, name, names, **numbers)
@@ -551,14 +560,13 @@ def check_weak_peaks(solved: Solved) -> Iterator[Finding]:
 def check_scale(solved: Solved) -> Iterator[Finding]:
     """No scale, a measured maximum that Algorithm 1 cannot trust, a bias of the simulated one."""
     campaigns = tuple(solved.problem.campaigns.values())
-    sweeps = [bound.sweep for bound in campaigns if bound.sweep is not None]
     if len(campaigns) == 1:
-        experiments = campaigns[0].experiments
-        gains = [e.unknown == "gain" for e in experiments if e.phases_rad is not None]
-        if not sweeps and experiments and not any(gains):
+        experiments, sweep = campaigns[0].experiments, campaigns[0].sweep
+        has_gain = any(e.unknown == "gain" and e.phases_rad is not None for e in experiments)
+        if sweep is None and experiments and not has_gain:
             yield note(Kind.scale_none, "scale")
-        elif sweeps and sweeps[0].scale == "maximum":
-            maximum = laboratory_maximum(sweeps[0].frequency_hz, sweeps[0].amplitude_v)
+        elif sweep is not None and sweep.scale == "maximum":
+            maximum = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
             if maximum.on_edge:
                 yield warning(Kind.scale_at_edge, "scale", frequency_hz=maximum.frequency_hz)
             elif math.isnan(maximum.bias):
@@ -576,7 +584,7 @@ def check_estimator(solved: Solved) -> Iterator[Finding]:
     if solved.fit.options.estimator == LIKELIHOOD:
         return
     yield note(Kind.estimator, "values")
-    for name, value in _every(solved).items():
+    for name, value in solved.every.items():
         if value.status.has_value and value.is_outside:
             low, high = value.ci95
             names = {"unit": (value.unit,)}
@@ -586,26 +594,21 @@ def check_estimator(solved: Solved) -> Iterator[Finding]:
 
 def check_simulation(solved: Solved) -> Iterator[Finding]:
     """Values of whose errors the simulation's own, or a doubtful scale, is a notable part."""
-    moved = {
-        name: value
-        for name, value in _every(solved).items()
-        if value.status.has_value
-        and value.simulation > WORTH_SAYING * (value.std - value.simulation)
-    }
-    if not moved:
+    shifts, units, scale_off = dict[str, float](), list[str](), solved.sweeps.scale_off
+    for name, value in solved.every.items():
+        noise = value.std - value.simulation
+        if value.status.has_value and value.simulation > WORTH_SAYING * noise:
+            shifts[name] = value.simulation
+            units.append(value.unit)
+    if not shifts:
         return
     # a doubtful scale is far more than the simulation's own error
-    names = {"values": tuple(moved), "units": tuple(v.unit for v in moved.values())}
-    shifts, scale_off = {n: v.simulation for n, v in moved.items()}, solved.sweeps.scale_off
+    names = {"values": tuple(shifts), "units": tuple(units)}
     if scale_off > 1.0:
         yield warning(Kind.scale_doubt, "sweep", names, **{"error": scale_off - 1.0} | shifts)
     else:
         error = max(solved.solution.final.promised)
         yield note(Kind.simulation_error, "simulation", names, **{"error": error} | shifts)
-
-
-def _every(solved: Solved) -> dict[str, FittedEstimate]:
-    return {**solved.values, **{offset.name: offset for offset in solved.offsets}}
 
 
 # --- drift ----------------------------------------------------------------------------------------
@@ -645,11 +648,11 @@ def drift_findings(
     """
     if not width_hz > 0.0:
         return
-    moved = {
-        name: abs(after - before) * _in_hertz(bound.drift.units.get(name, "Hz"))
-        for name, (before, after) in bound.drift.ends.items()
-    }
-    wide = {name: hz for name, hz in moved.items() if hz > width_hz}
+    moved, wide, far = dict[str, float](), dict[str, float](), dict[str, float]()
+    for name, (before, after) in bound.drift.ends.items():
+        moved[name] = abs(after - before) * _in_hertz(bound.drift.units.get(name, "Hz"))
+        if moved[name] > width_hz:
+            wide[name] = moved[name]
     suspected = not (describes or offsets) and max(moved.values(), default=0.0) > SUSPECT * width_hz
     if wide or suspected:
         kind = Kind.drift_wide if wide else Kind.drift_suspected
@@ -657,11 +660,10 @@ def drift_findings(
         names = {"variables": tuple(shown), "offsets": tuple(o.name for o in offsets)}
         finding = note if describes else warning
         yield finding(kind, subject, names, **{"width_hz": width_hz} | shown)
-    far = {
-        f"{o.experiments[0]} ({', '.join(o.variables)})": abs(o.value) * _in_hertz(o.unit)
-        for o in offsets
-        if not math.isnan(o.prior) and abs(o.value) * _in_hertz(o.unit) > width_hz
-    }
+    for o in offsets:
+        size = abs(o.value) * _in_hertz(o.unit)
+        if not math.isnan(o.prior) and size > width_hz:
+            far[f"{o.experiments[0]} ({', '.join(o.variables)})"] = size
     if far:
         names = {"offsets": tuple(far)}
         yield warning(Kind.drift_offset_wide, subject, names, **{"width_hz": width_hz} | far)

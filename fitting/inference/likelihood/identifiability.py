@@ -54,9 +54,9 @@ from fitting.inference.likelihood.knowledge import (
     NuRow,
     Profile,
 )
-from fitting.inference.likelihood.profile import ScanPoint, Scans, Side
+from fitting.inference.likelihood.profile import Scans
 from fitting.signal.chi_square import largest
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, note
 
@@ -96,21 +96,22 @@ def directions(evaluator: LikelihoodEvaluator, optimum: Optimum) -> tuple[Direct
     _, singular, rows = np.linalg.svd(matrix, full_matrices=matrix.shape[0] < matrix.shape[1])
     values = np.zeros(rows.shape[0])
     values[: singular.size] = singular
-    led = [row * np.sign(row[int(np.argmax(np.abs(row)))]) for row in rows]
-    longest = [float(np.max(np.abs(row) / likelihood.widths)) for row in led]
-    shares = [float(value) / length for value, length in zip(values, longest, strict=True)]
-    unseen = {k: led[k] for k, share in enumerate(shares) if 0.5 * share < UNSEEN}
-    changes = _changes(evaluator, optimum, unseen)
-    names, nothing = [p.name for p in likelihood.parameters], (np.zeros(len(led)), math.nan)
+    # each with its largest component positive
+    lead = np.argmax(np.abs(rows), axis=1)[:, np.newaxis]
+    rows *= np.sign(np.take_along_axis(rows, lead, axis=1))
+    shares = values / np.max(np.abs(rows) / likelihood.widths, axis=1)
+    changes = _changes(evaluator, optimum, rows, np.flatnonzero(0.5 * shares < UNSEEN))
+    names, nothing = [p.name for p in likelihood.parameters], (np.zeros(rows.shape[1]), math.nan)
     every = []
-    for k, row in enumerate(led):
+    for k, row in enumerate(rows):
         by, largest = changes.get(k, nothing)
+        moved = np.flatnonzero(by)
         every.append(
             Direction(
                 singular=float(values[k]),
-                share=shares[k],
-                vector=dict(zip(names, map(float, row), strict=True)),
-                change={name: float(v) for name, v in zip(names, by, strict=True) if v},
+                share=float(shares[k]),
+                vector=dict(zip(names, row.tolist(), strict=True)),
+                change={names[i]: float(by[i]) for i in moved},
                 largest=largest,
             )
         )
@@ -134,17 +135,17 @@ def _largest_move(exact: Likelihood, rows: FloatArray) -> float:
 
 
 def _changes(
-    evaluator: LikelihoodEvaluator, optimum: Optimum, rows: Mapping[int, FloatArray]
+    evaluator: LikelihoodEvaluator, optimum: Optimum, rows: FloatArray, unseen: IntArray
 ) -> dict[int, tuple[FloatArray, float]]:
-    """A change (n,) along each direction that moves nothing, or least of those that were tried.
+    """A change (n,) along each `unseen` row that moves nothing, or least of those that were tried.
 
     In the parameters' units, with the most that it moves a row, in sigma. Each direction is
     followed by shares of the bounds' distance, brought back onto the rows, rounded, and evaluated.
     """
     exact, here = _met_exactly(optimum), optimum.expansion
     begins: list[tuple[int, FloatArray]] = []
-    for k, row in rows.items():
-        lead = int(np.argmax(np.abs(row) / exact.widths))
+    for k in map(int, unseen):
+        row, lead = rows[k], int(np.argmax(np.abs(rows[k]) / exact.widths))
         for size in SHARES:
             for sign in (1.0, -1.0):
                 x = here.x + sign * size * exact.widths[lead] / abs(row[lead]) * row
@@ -164,8 +165,8 @@ def _changes(
                 by[np.abs(end.end.x - here.x) < TRIFLE * exact.widths] = 0.0
                 if end.reached and np.any(by):
                     for digits in DIGITS:
-                        rounded = [float(f"{each:.{digits - 1}e}") for each in by]
-                        tried.append((k, np.array(rounded)))
+                        rounded = np.array([float(f"{each:.{digits - 1}e}") for each in by])
+                        tried.append((k, rounded))
             places = tuple(to_search(exact.parameters, p + by) for _, by in tried)
             [samples] = evaluator([Request(places, outputs=False)]) if places else [[]]
     except Exhausted:
@@ -268,9 +269,11 @@ def equivalents(
         for twin in twins if not possible else ():
             image = twin.of(parameters, optimum)
             if image is not None and box.apart(image, point.x) <= SAME_MINIMUM:
-                near = [*scans.shared, *(p for both in scans.sides.values() for p in _points(both))]
-                xs = [twin.of(parameters, x) for x in (optimum, *(each.x for each in near))]
-                request = Request(tuple(x for x in xs if x is not None), rows=False)
+                near = list(scans.shared)
+                for down, up in scans.sides.values():
+                    near += [*down.points, *up.points]
+                images = [twin.of(parameters, x) for x in (optimum, *(each.x for each in near))]
+                request = Request(tuple(x for x in images if x is not None), rows=False)
                 try:
                     [read] = evaluator([request])
                 except Exhausted:
@@ -286,10 +289,6 @@ def equivalents(
             )
         )
     return tuple(kept)
-
-
-def _points(sides: tuple[Side, Side]) -> tuple[ScanPoint, ...]:
-    return (*sides[0].points, *sides[1].points)
 
 
 def scan_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:

@@ -36,8 +36,8 @@ MOST_PLACES = 32
 #: Relative difference of two values beyond rounding.
 ROUNDING = 1e-12
 
-#: Means of the outputs at search vectors, one column each.
-Read = Callable[[Sequence[FloatArray]], dict[str, FloatArray]]
+#: Means of the outputs at search vectors, a row of all outputs for each.
+Read = Callable[[Sequence[FloatArray]], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,9 +56,9 @@ class OutputRange:
 
 @dataclass
 class _Search:
-    """A compass search of one output: up or down by its sign, where it is, its step."""
+    """A compass search of one output: its number, up or down by its sign, where it is, its step."""
 
-    name: str
+    output: int
     sign: float
     x: FloatArray
     value: float
@@ -89,44 +89,47 @@ def output_ranges(
     samples[:, own] = spread
     points = [*known, *samples]
     names = tuple(output_means(response, parameters, points[:1]))
+    if not names:
+        return {}
     some = response.read_at(MOST_PLACES) if isinstance(response, PlacedResponse) else response
-    remembered: dict[bytes, list[float]] = {}
+    remembered: dict[bytes, FloatArray] = {}
 
-    def read(xs: Sequence[FloatArray]) -> dict[str, FloatArray]:
+    def read(xs: Sequence[FloatArray]) -> FloatArray:
         # searches of several outputs meet in the same corners, and a run gives all of them
         new = {x.tobytes(): x for x in xs if x.tobytes() not in remembered}
         if new:
             means = output_means_beyond(some, parameters, list(new.values()), names)
-            for k, key in enumerate(new):
-                remembered[key] = [float(means[name][k]) for name in names]
-        table = np.array([remembered[x.tobytes()] for x in xs]).reshape(len(xs), len(names))
-        return {name: table[:, k] for k, name in enumerate(names)}
+            remembered.update(zip(new, np.stack(list(means.values()), axis=1), strict=True))
+        return np.array([remembered[x.tobytes()] for x in xs]).reshape(len(xs), len(names))
 
     table = read(points)
-    depends = _dependence(read, parameters, points[-3:])
+    depends = _dependence(read, lower, upper, own, points[-3:])
     searches: list[_Search] = []
-    for name, values in table.items():
-        for sign in (-1.0, 1.0) if np.any(np.isfinite(values)) else ():
+    for output in map(int, np.flatnonzero(np.any(np.isfinite(table), axis=0))):
+        values = table[:, output]
+        for sign in (-1.0, 1.0):
             best = int(np.argmax(np.where(np.isfinite(values), sign * values, -np.inf)))
-            searches.append(_Search(name, sign, points[best], float(values[best])))
-    _follow(searches, read, depends, (lower, upper))
+            searches.append(_Search(output, sign, points[best], float(values[best])))
+    _follow(searches, read, depends, lower, upper)
 
     # the ends are read at all places; the first known point counts where it lies beyond them
-    ends = [*(search.x for search in searches[::-1]), known[0]]
+    searches.reverse()
+    ends = [*(search.x for search in searches), known[0]]
     whole = output_means_beyond(response, parameters, ends, names)
+    outputs = np.array([*(search.output for search in searches), -1])
+    nowhere = np.full(len(parameters), np.nan)
     ranges = {}
-    for name in names:
-        mine = [k for k, search in enumerate(searches[::-1]) if search.name == name]
-        values = whole[name]
-        mine = [k for k in (*mine, len(searches)) if np.isfinite(values[k])] if mine else []
-        if not mine:
-            x_low = x_high = np.full(len(parameters), np.nan)
-            low = high = np.nan
-        else:
-            least, most = mine[np.argmin(values[mine])], mine[np.argmax(values[mine])]
+    for k, name in enumerate(names):
+        mine = (outputs == k) | ((outputs < 0) & np.any(outputs == k))
+        places, values = np.flatnonzero(mine & np.isfinite(whole[name])), whole[name]
+        low = high = np.nan
+        x_low = x_high = nowhere
+        if places.size:
+            least = int(places[np.argmin(values[places])])
+            most = int(places[np.argmax(values[places])])
             low, high, x_low, x_high = values[least], values[most], ends[least], ends[most]
         ranges[name] = OutputRange(
-            low=float(low), high=float(high), x_low=x_low, x_high=x_high, depends=depends[name]
+            low=float(low), high=float(high), x_low=x_low, x_high=x_high, depends=depends[:, k]
         )
     return ranges
 
@@ -134,31 +137,32 @@ def output_ranges(
 def _follow(
     searches: Sequence[_Search],
     read: Read,
-    depends: dict[str, BoolArray],
-    limits: tuple[FloatArray, FloatArray],
+    depends: BoolArray,
+    lower: FloatArray,
+    upper: FloatArray,
 ) -> None:
     """Carry out all compass searches, each round of theirs in one batch."""
-    lower, upper = limits
     for _ in range(ROUNDS):
-        active = [s for s in searches if s.step > LAST_STEP and np.any(depends[s.name])]
+        active, nodes = [], list[FloatArray]()
+        for search in searches:
+            axes = np.flatnonzero(depends[:, search.output])
+            if search.step <= LAST_STEP or not axes.size:
+                continue
+            moved = np.repeat(search.x[np.newaxis], 2 * axes.size, axis=0)
+            steps = search.step * (upper - lower)[axes]
+            moved[np.arange(axes.size) * 2, axes] += steps
+            moved[np.arange(axes.size) * 2 + 1, axes] -= steps
+            active.append((search, slice(len(nodes), len(nodes) + 2 * axes.size)))
+            nodes += list(np.clip(moved, lower, upper))
         if not active:
             return
-        nodes: list[list[FloatArray]] = []
-        for search in active:
-            nodes.append([])
-            for i in np.flatnonzero(depends[search.name]):
-                for side in (1.0, -1.0):
-                    moved = search.x.copy()
-                    moved[i] += side * search.step * (upper[i] - lower[i])
-                    nodes[-1].append(np.clip(moved, lower, upper))
-        table, first = read([x for each in nodes for x in each]), 0
-        for search, each in zip(active, nodes, strict=True):
-            values = table[search.name][first : first + len(each)]
-            first += len(each)
+        table = read(nodes)
+        for search, own in active:
+            values = table[own, search.output]
             ranked = np.where(np.isfinite(values), search.sign * values, -np.inf)
             best = int(np.argmax(ranked))
             if ranked[best] > search.sign * search.value:
-                search.x, search.value = each[best], float(values[best])
+                search.x, search.value = nodes[own.start + best], float(values[best])
             else:
                 search.step *= 0.5
 
@@ -176,38 +180,36 @@ def _points_within(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArra
     levels = max(k for k in range(1, 10) if k**n <= BOX_GRID)
     if levels < 2:
         return np.asarray(seeded)
-    axes = [np.linspace(a, b, levels) for a, b in zip(lower, upper, strict=True)]
-    grid = np.stack([axis.ravel() for axis in np.meshgrid(*axes)], axis=1)
+    axes = np.linspace(lower, upper, levels).T
+    grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, n)
     return np.concatenate([grid, seeded])
 
 
 def _dependence(
-    read: Read, parameters: Sequence[Parameter], bases: Sequence[FloatArray]
-) -> dict[str, BoolArray]:
-    """Which parameters move an output, by steps from a few seeded points; (n,) by name.
+    read: Read, lower: FloatArray, upper: FloatArray, own: BoolArray, bases: Sequence[FloatArray]
+) -> BoolArray:
+    """Which parameters move an output, by steps from a few seeded points: (n, outputs).
 
-    Those of single experiments, which stay where they are, count as if they did not.
+    Those of single experiments, which are not `own` (n,) and stay where they are, count as if they
+    did not.
     """
-    lower, upper = search_bounds(parameters)
-    own = np.flatnonzero([not p.experiments for p in parameters])
     nodes = []
     for base in bases:
         nodes.append(base)
-        for i in own:
+        for i in np.flatnonzero(own):
             for share in (0.31, 0.87):
                 moved = base.copy()
                 moved[i] = lower[i] + share * (upper[i] - lower[i])
                 nodes.append(moved)
-    depends = {}
-    for name, values in read(nodes).items():
-        rows = values.reshape(len(bases), 1 + 2 * own.size)
-        base, moved = rows[:, :1], rows[:, 1:]
-        # a value that exists differs from one that does not
-        exist = np.isfinite(base) & np.isfinite(moved)
-        apart = np.abs(base - moved) > ROUNDING * (np.abs(base) + np.abs(moved))
-        differ = np.where(exist, apart, np.isfinite(base) != np.isfinite(moved))
-        depends[name] = np.zeros(lower.size, dtype=bool)
-        depends[name][own] = np.any(differ.reshape(len(bases), own.size, 2), axis=(0, 2))
+    table = read(nodes)
+    rows = table.reshape(len(bases), 1 + 2 * np.count_nonzero(own), -1)
+    here, moved = rows[:, :1], rows[:, 1:]
+    # a value that exists differs from one that does not
+    exist = np.isfinite(here) & np.isfinite(moved)
+    apart = np.abs(here - moved) > ROUNDING * (np.abs(here) + np.abs(moved))
+    differ = np.where(exist, apart, np.isfinite(here) != np.isfinite(moved))
+    depends = np.zeros((lower.size, table.shape[1]), dtype=bool)
+    depends[own] = np.any(differ.reshape(len(bases), -1, 2, table.shape[1]), axis=(0, 2))
     return depends
 
 
@@ -261,6 +263,14 @@ class Quantity:
         if self.is_periodic:
             value -= self.period * round((value - self.best) / self.period)
         return value
+
+    def values(self, points: Sequence[ScanPoint]) -> FloatArray:
+        """Its values at points of profiles, (k,).
+
+        Args:
+            points: k of them, with outputs, if it is one.
+        """
+        return np.array([self.of(point.at.sample) for point in points])
 
     def is_at_end(self, side: int, value: float) -> bool:
         """Whether a value is as good as at an end of the range; in ratios where it spans decades.
@@ -361,47 +371,49 @@ def quantities(optimum: Optimum, ranges: Mapping[str, OutputRange]) -> tuple[Qua
         ranges: of the outputs without data, by name.
     """
     likelihood, here = optimum.likelihood, optimum.expansion
-    covariance, made = data_covariance(optimum), []
-    noise = likelihood.noise.times(likelihood.inflation)
+    covariance, noise = data_covariance(optimum), likelihood.noise.times(likelihood.inflation)
     bounded = WhitenedErrors(likelihood.bounded, noise) if likelihood.bounded.columns else None
-
-    def add(name: str, index: int, output: int, slope: FloatArray, **place: float) -> None:
-        low, high, sigma, reach = place["low"], place["high"], math.nan, 0.0
-        if np.all(np.isfinite(slope)):
-            sigma = math.sqrt(max(0.0, float(slope @ covariance @ slope)))
-        else:  # at the edge of where it has a value, until it is tried
-            sigma = high - low
-        # by how many sigma the simulation's own error may move it: |g C J^T V^-1/2 B|_1/sigma, and
-        # along a slope that is not known sum_j |V^-1/2 B_j|
-        if bounded is not None and not np.all(np.isfinite(slope)):
-            reach = bounded.reach
-        elif bounded is not None and sigma > 0.0:
-            pull = here.matrix[: likelihood.data_rows] @ (covariance @ slope)
-            reach = bounded.moved(pull) / sigma
-        made.append(
-            Quantity(
-                name=name,
-                index=index,
-                output=output,
-                sigma=max(sigma, 1e-12 * (high - low)),
-                slope=slope,
-                reach=reach,
-                freedom=optimum.freedom_along(slope, covariance),
-                **place,
-            )
-        )
-
+    # name, numbers of parameter and output, slope, best value, range and period of each
+    wanted: list[tuple[str, int, int, FloatArray, float, float, float, float]] = []
+    axes = np.eye(here.x.size)
     for i, p in enumerate(likelihood.parameters):
         best, period = float(here.x[i]), float(likelihood.periods[i])
         low, high = float(likelihood.lower[i]), float(likelihood.upper[i])
         if math.isfinite(period):
             low, high = best - 0.5 * period, best + 0.5 * period
-        axis = np.eye(here.x.size)[i]
-        add(p.name, i, -1, axis, best=best, low=low, high=high, period=period)
+        wanted.append((p.name, i, -1, axes[i], best, low, high, period))
+    names = {p.name for p in likelihood.parameters}
     for k, name in enumerate(likelihood.names):
         best, range_ = float(here.sample.outputs[k]), ranges[name]
-        is_parameter = any(name == q.name for q in made)  # then that is what is scanned
-        if math.isfinite(best) and range_.high > range_.low and not is_parameter:
+        # an output that is a parameter is scanned as that
+        if math.isfinite(best) and range_.high > range_.low and name not in names:
             low, high = min(range_.low, best), max(range_.high, best)
-            add(name, -1, k, here.outward[k], best=best, low=low, high=high)
+            wanted.append((name, -1, k, here.outward[k], best, low, high, math.inf))
+    made = []
+    for name, index, output, slope, best, low, high, period in wanted:
+        # at the edge of where it has a value the whole range, until it is tried
+        sigma, reach, has_slope = high - low, 0.0, bool(np.all(np.isfinite(slope)))
+        if has_slope:
+            sigma = math.sqrt(max(0.0, float(slope @ covariance @ slope)))
+        # by how many sigma the simulation's own error may move it: |g C J^T V^-1/2 B|_1/sigma, and
+        # along a slope that is not known sum_j |V^-1/2 B_j|
+        if bounded is not None and not has_slope:
+            reach = bounded.reach
+        elif bounded is not None and sigma > 0.0:
+            pull = here.matrix[: likelihood.data_rows] @ (covariance @ slope)
+            reach = bounded.moved(pull) / sigma
+        quantity = Quantity(
+            name=name,
+            index=index,
+            output=output,
+            best=best,
+            sigma=max(sigma, 1e-12 * (high - low)),
+            slope=slope,
+            low=low,
+            high=high,
+            period=period,
+            reach=reach,
+            freedom=optimum.freedom_along(slope, covariance),
+        )
+        made.append(quantity)
     return tuple(made)

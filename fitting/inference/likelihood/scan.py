@@ -20,6 +20,7 @@ Bioinformatics 25 (2009) 1923.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -128,11 +129,11 @@ def scan_profiles(
         # another scan may have come to the end that this one did not reach
         end = side.result or (side.open_side() if side.is_reached() else side.ended())
         known.append(replace(end, points=tuple(shared.read(end.points))))
-    pairs = zip(sides[::2], known[::2], known[1::2], strict=True)
+    names = [side.quantity.name for side in sides[::2]]
     return Scans(
         optimum=optimum,
         quantities=tuple(wanted),
-        sides={side.quantity.name: (low, high) for side, low, high in pairs},
+        sides=dict(zip(names, zip(known[::2], known[1::2], strict=True), strict=True)),
         minima=tuple(shared.minima),
         shared=tuple(shared.fitting()),
         ranges=ranges,
@@ -167,17 +168,19 @@ class Shared:
 
     def read(self, points: Sequence[ScanPoint]) -> list[ScanPoint]:
         """The points with their outputs, as far as the budget allows."""
-        known, bare = list(points), [k for k, p in enumerate(points) if not p.outputs.size]
+        bare = [p for p in points if not p.outputs.size]
         if not self.optimum.likelihood.names or not bare:
-            return known
+            return list(points)
         try:
-            [read] = self.evaluator([Request(tuple(points[k].x for k in bare), rows=False)])
+            [read] = self.evaluator([Request(tuple(p.x for p in bare), rows=False)])
         except Exhausted:
-            return known
-        for k, there in zip(bare, read, strict=True):
-            at = points[k].at
-            sample = replace(at.sample, outputs=there.outputs)
-            known[k] = replace(points[k], at=replace(at, sample=sample))
+            return list(points)
+        known, there = [], iter(read)
+        for point in points:
+            if not point.outputs.size:
+                sample = replace(point.at.sample, outputs=next(there).outputs)
+                point = replace(point, at=replace(point.at, sample=sample))
+            known.append(point)
         return known
 
     def fitting(self) -> list[ScanPoint]:
@@ -248,11 +251,13 @@ class _SideScan:
 
     def open_side(self) -> Side:
         """The side where its bound fits: its points are those that are shared."""
-        q, sign = self.quantity, self.sign
-        known = [replace(p, value=q.of(p.at.sample)) for p in self.shared.fitting()]
-        mine = [p for p in known if sign * (p.value - q.best) > 0.0]
+        q, known = self.quantity, self.shared.fitting()
+        values, mine = q.values(known), list[ScanPoint]()
+        for k in np.argsort(self.sign * values, kind="stable"):
+            if self.sign * (values[k] - q.best) > 0.0:
+                mine.append(replace(known[k], value=float(values[k])))
         return Side(
-            points=tuple(sorted(mine, key=lambda p: sign * p.value)),
+            points=tuple(mine),
             closed="bound",
             end68=self.limit,
             end95=self.limit,
@@ -300,10 +305,9 @@ class _SideScan:
         self.target, self.begin = self.last.value + self.sign * step, self.last.at
         if self.misses % 2:  # from inside it failed: now from the shared point that is the nearest
             fitting = self.shared.fitting()
-            gaps = [abs(q.of(p.at.sample) - self.target) for p in fitting]
-            if gaps and min(gaps) < step:
-                nearest = fitting[gaps.index(min(gaps))]
-                self.begin, self.wants_slopes = nearest.at, True
+            gaps = np.abs(q.values(fitting) - self.target)
+            if np.any(gaps < step):
+                self.begin, self.wants_slopes = fitting[int(np.argmin(gaps))].at, True
         if self.tried:  # the covariance's own prediction was evaluated already
             at = self.tried.pop(0)
             value = q.of(at.sample)
@@ -452,23 +456,22 @@ def _verify(shared: Shared, sides: Sequence[_SideScan]) -> None:
         q, agree = side.quantity, agreeing.get(id(side), [])
         points = [shared.point(q, at) for at in side.tried]
         # a scan accepts what its search has followed; these, what stored slopes have followed
-        shared.accept([p for p, is_near in zip(points, agree, strict=True) if is_near])
+        shared.accept(list(itertools.compress(points, agree)))
         if not agree or not all(agree):
             continue
         # no known point of the side may fit better than the linearised profile has it there
-        excess = [
+        if not any(
             side.sign * (q.of(p.at.sample) - q.best) / q.sigma - reach(p.root, q.freedom)
+            > 2.0 * AGREES * ROOT_95
             for p in shared.fitting()
-        ]
-        if not any(each > 2.0 * AGREES * ROOT_95 for each in excess):
+        ):
             # the ends are where sqrt(Dchi^2), straight through the points, has its thresholds
-            end68, end95 = (
-                q.best + (p.value - q.best) * root / p.root
-                for p, root in zip(points, (ROOT_68, ROOT_95), strict=True)
-            )
+            near, far = points
+            end68 = q.best + (near.value - q.best) * ROOT_68 / near.root
+            end95 = q.best + (far.value - q.best) * ROOT_95 / far.root
             known = Side(
                 points=tuple(points),
-                closed=side.closed_by(points[-1]),
+                closed=side.closed_by(far),
                 end68=end68,
                 end95=end95,
                 own95=end95,
@@ -528,10 +531,13 @@ def _try_ends(
     has_prior = shared.optimum.likelihood.inverse_prior_sigma > 0.0
     movable = {name: np.flatnonzero(each.depends & ~has_prior) for name, each in ranges.items()}
     for attempt in range(ATTEMPTS + 1):
-        there = [s for s in rest if s.is_reached()]
-        reached += there
-        rest = [s for s in rest if s not in there]
-        near = [s for s in rest if not attempt or s.span < WORTH * s.quantity.sigma]
+        left, near = list[_SideScan](), list[_SideScan]()
+        for side in rest:
+            (reached if side.is_reached() else left).append(side)
+        for side in left:
+            if not attempt or side.span < WORTH * side.quantity.sigma:
+                near.append(side)
+        rest = left
         if not near or attempt == ATTEMPTS:
             break
         is_projected = bool(attempt % 2)
@@ -580,10 +586,11 @@ def _begins(
     for side in sides:
         q = side.quantity
         if q.index < 0 and not is_projected:
-            values = [q.best, *(q.of(p.at.sample) for p in fitting)]
-            order = np.argsort(np.abs(np.array(values) - side.limit), kind="stable")
-            new = [known[k] for k in order if known[k].tobytes() not in side.attempted]
-            begins += [(side, x) for x in new[:1]]
+            values = np.append(q.best, q.values(fitting))
+            for k in np.argsort(np.abs(values - side.limit), kind="stable"):
+                if known[k].tobytes() not in side.attempted:
+                    begins.append((side, known[k]))
+                    break
             continue
         if q.index >= 0:
             axes, end = np.array([q.index]), np.full(known[0].size, side.limit)
@@ -591,12 +598,13 @@ def _begins(
             range_ = ranges[q.name]
             axes, end = movable[q.name], (range_.x_low, range_.x_high)[side.side]
         if np.all(np.isfinite(end[axes])):
-            moved = [x.copy() for x in known]
-            for x in moved:
-                x[axes] = end[axes]
-            mine = {x.tobytes(): x for x in moved}
-            new = [x for key, x in mine.items() if key not in side.attempted]
-            places += [(side, x) for x in new[:CANDIDATES]]
+            new: dict[bytes, FloatArray] = {}
+            for x in known:
+                moved = x.copy()
+                moved[axes] = end[axes]
+                if moved.tobytes() not in side.attempted and len(new) < CANDIDATES:
+                    new[moved.tobytes()] = moved
+            places += [(side, x) for x in new.values()]
     best: dict[int, tuple[float, _SideScan, FloatArray]] = {}
     if places:
         answers = shared.evaluator([Request((x,), outputs=False) for _, x in places])
@@ -689,14 +697,13 @@ def _extend(shared: Shared, sides: Sequence[_SideScan]) -> None:
             is_end = scan.result is not None or known.closed in ("data", "prior")
             end = known.end95 if is_end else scan.last.value
             margin = BEYOND * abs(end - q.best) + 1e-9 * (q.high - q.low)
-            gaps = [scan.sign * (q.of(p.at.sample) - end) for p in fitting]
-            gaps = [gap if gap > margin else -math.inf for gap in gaps]
-            if not max(gaps, default=-math.inf) > margin:
+            gaps = scan.sign * (q.values(fitting) - end)
+            if not np.any(gaps > margin):
                 continue
             if scan.result is not None:  # it was closed without a scan
                 scan.first95, scan.result = known.own95, None
                 scan.points += list(known.points)
-            point = fitting[gaps.index(max(gaps))]
+            point = fitting[int(np.argmax(gaps))]
             scan.points += [p for p in (*scan.inside, scan.outside) if p is not None]
             scan.inside, scan.outside = [replace(point, value=q.of(point.at.sample))], None
             scan.origin, scan.misses, scan.narrowed = scan.last.value, 0, 0
