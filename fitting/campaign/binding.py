@@ -35,7 +35,6 @@ from fitting.text.units import (
     Written,
     base_unit,
     convert,
-    difference_in,
     dimension_of,
     in_unit,
     parse_quantity,
@@ -285,7 +284,7 @@ def parameter_of(
 
     def read(key: str, each: Written) -> float:
         if key in DIFFERENCES:
-            return difference_in(each, own)
+            return in_unit(each, own, difference=True)
         if binder is None or variable is None or key == "reference":
             return in_unit(each, own)  # the FMU's range does not bind the prior
         return binder.number(variable, each)

@@ -41,7 +41,7 @@ from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.schema import Keys, Missing, read_record
 from fitting.text.toml import read_toml
-from fitting.text.units import Written, convert, difference_in, in_unit, positive_in, same_kind
+from fitting.text.units import Written, convert, in_unit, positive_in, same_kind
 
 #: Measurements that are proposed, and samples of a recording, at most: it is simulated many times.
 MOST_NUMBER, MOST_SAMPLES = 50, 200_000
@@ -637,7 +637,7 @@ def _setting_sigmas(
     binder = Binder(variables)
     for name, written in table.keys.setting_sigma.items():
         variable = binder.real(name, written.where, SETTABLE, "set")
-        sigmas[name] = difference_in(written, variable.unit)
+        sigmas[name] = in_unit(written, variable.unit, difference=True)
         if sigmas[name] < 0.0:
             raise BadInput(f"{written.where}: found {written.value!r}, wanted zero or more")
     return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}

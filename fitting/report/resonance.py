@@ -31,9 +31,9 @@ from fitting.report.table import (
 from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.text.estimate import Estimate
-from fitting.text.notation import prefixed, quantity, with_error
+from fitting.text.notation import prefixed, quantity, with_error, with_prefix
 from fitting.text.once import made_once
-from fitting.text.rendering import sentence, with_prefix
+from fitting.text.rendering import sentence
 
 #: What each wiring is, in words.
 WIRINGS = {

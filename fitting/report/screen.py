@@ -24,8 +24,9 @@ from fitting.report.table import (
 )
 from fitting.result.result import Result
 from fitting.text.finding import Finding
+from fitting.text.notation import with_prefix
 from fitting.text.once import made_once
-from fitting.text.rendering import sentence, with_prefix
+from fitting.text.rendering import sentence
 
 #: Columns before the text of an entry, between values in a line, and values in a line at most.
 LEAD, GAP, MOST_IN_LINE = 17, 4, 3

@@ -18,8 +18,8 @@ from fitting.result.result import Result
 from fitting.text.choices import BUDGET
 from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
-from fitting.text.notation import quantity, sign
-from fitting.text.rendering import range_words, sentence, with_prefix
+from fitting.text.notation import quantity, range_words, sign, with_prefix
+from fitting.text.rendering import sentence
 
 #: Warnings on the first screen, at most.
 MOST_WARNINGS = 3

@@ -29,6 +29,8 @@ Method = Literal["covariance", "linearised, verified", "profile", "posterior", "
 #: What closes a side of an interval: chi square of the data, priors of what drifts, a bound of the
 #: value or of another parameter, or its period; empty where the search ended before any of these.
 Closed = Literal["data", "prior", "bound", "periodic", ""]
+#: Fields of `FittedEstimate` that are in its unit, besides intervals and the period.
+SCALED = ("value", "std", "most_likely", "algorithm2", "simulation", "reference", "lower", "upper")
 #: The status that 0.2.0 had for `Verdict.UNCONSTRAINED`.
 OLD_STATUS = "not determined"
 
@@ -315,23 +317,12 @@ class FittedEstimate(Estimate):
             unit: the other one.
             factor: that leads to it, positive.
         """
-        low68, high68 = (factor * end for end in self.ci68)
-        low95, high95 = (factor * end for end in self.ci95)
-        return replace(
-            self,
-            unit=unit,
-            value=factor * self.value,
-            std=factor * self.std,
-            ci68=(low68, high68),
-            ci95=(low95, high95),
-            most_likely=factor * self.most_likely,
-            algorithm2=factor * self.algorithm2,
-            simulation=factor * self.simulation,
-            reference=factor * self.reference,
-            lower=factor * self.lower,
-            upper=factor * self.upper,
-            period=None if self.period is None else factor * self.period,
-        )
+        scaled: dict[str, Any] = {name: factor * getattr(self, name) for name in SCALED}
+        for name in ("ci68", "ci95"):
+            low, high = getattr(self, name)
+            scaled[name] = factor * low, factor * high
+        period = None if self.period is None else factor * self.period
+        return replace(self, unit=unit, period=period, **scaled)
 
     def text(self) -> str:
         """The value for people; never with a small error where the data do not give one."""

@@ -55,6 +55,12 @@ _PLAIN_BELOW = 1e9
 _NARROW = 1e-2
 #: Ranges below this share of the size are rounding, not variation.
 _CONSTANT = 1e-9
+#: Numbers without a prefix from which a power of ten is printed.
+_MANY = 1e5
+#: Share of the upper end of a range below which its lower end is printed as zero.
+_NOTHING = 1e-6
+#: Times up to so many seconds are printed in a unit of so many.
+_TIMES = ((120.0, "s", 1.0), (7200.0, "min", 60.0), (math.inf, "h", 3600.0))
 
 
 def symbol(name: str) -> tuple[str, str] | None:
@@ -606,3 +612,88 @@ def scalar_words(value: Scalar) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     return number(value, 12) if isinstance(value, float) else str(value)
+
+
+def sized(value: float, unit: str, digits: int) -> str:
+    """A number in its unit, without an error: "5.2 Hz".
+
+    Args:
+        value: in the unit.
+        unit: of the value; empty or "1": none.
+        digits: significant ones.
+    """
+    return in_its_unit(number(value, digits), unit)
+
+
+def with_prefix(value: float, unit: str, digits: int = 3, *, signed: bool = False) -> str:
+    """A number under the prefix that suits it, or a power of ten times its unit: "66 ms".
+
+    Args:
+        value: in the unit.
+        unit: of the value; empty or "1": none.
+        digits: significant ones.
+        signed: whether a positive one has its sign, as a shift: "+32 kHz".
+    """
+    factor, shown = (1.0, "") if unit == "1" else prefixed(abs(value), unit)
+    times = "× " if shown.startswith("10") else ""
+    text = signed_number if signed else number
+    return f"{text(value / factor, digits)} {times}{shown}".rstrip()
+
+
+def range_words(low: float, high: float, unit: str) -> str:
+    """An interval with one unit, or one for each end where they are far apart: "1 Hz–1 kHz".
+
+    Args:
+        low: lower end.
+        high: upper end.
+        unit: of both.
+    """
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "any value"
+    if 0.0 < low < _NOTHING * high:
+        low = 0.0
+    factor, shown = prefixed(max(abs(low), abs(high)), unit)
+    if high - low < 1e-3 * factor or not unit_text(unit):
+        factor, shown = 1.0, unit_text(unit)
+    if 0.0 < low < 1e-2 * high and shown:
+        return f"{limit_words(low, unit, up=False)}–{limit_words(high, unit, up=True)}"
+    ends = ((low / factor, False), (high / factor, True))
+    # of many digits three are enough: 7.03e+06
+    lower, upper = (bound(x, 3, up=up) if abs(x) < _MANY else f"{x:.3g}" for x, up in ends)
+    between = " to " if low < 0.0 else "–"
+    return f"{lower}{between}{upper} {shown}".rstrip()
+
+
+def limit_words(value: float, unit: str, *, up: bool = True) -> str:
+    """A bound of three digits, with a prefix that suits it.
+
+    Args:
+        value: in the unit.
+        unit: of the value.
+        up: whether it is an upper one, which is rounded up.
+    """
+    factor, shown = prefixed(abs(float(f"{value:.3g}")), unit)
+    return f"{bound(value / factor, 3, up=up)} {shown}".strip()
+
+
+def duration(seconds: tuple[float, float]) -> str:
+    """A range of times in the unit that suits it: "2 to 3 min".
+
+    Args:
+        seconds: least and most, s.
+    """
+    low, high = seconds
+    unit, size = next((unit, size) for limit, unit, size in _TIMES if high < limit)
+    return f"{two_digits(low / size)} to {two_digits(high / size)} {unit}"
+
+
+def two_digits(value: float) -> str:
+    """A count of two significant digits, without an exponent: "1,200".
+
+    Args:
+        value: at least zero.
+    """
+    if value <= 0.0:
+        return "0"
+    place = 1 - math.floor(math.log10(value))
+    return f"{round(value, place):,.{max(0, place)}f}"

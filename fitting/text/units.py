@@ -11,7 +11,7 @@ import contextlib
 import math
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any, Literal
@@ -144,55 +144,29 @@ def parse_quantity(text: str, *, where: str, wanted: str | None = None) -> tuple
     return value, unit
 
 
-def convert(value: float, unit: str, wanted: str | None, *, where: str) -> float:
-    """``value`` from ``unit`` to ``wanted``, rounded once; ``wanted`` None means SI base units.
+def convert(
+    value: float,
+    unit: str,
+    wanted: str | None,
+    *,
+    where: str,
+    zero: Literal["known", "absolute", "difference"] = "known",
+) -> float:
+    """``value`` from ``unit`` to ``wanted``, rounded once.
 
-    Cycles and angles are not mixed: Hz to rad/s is refused instead of being taken for 1:1. A unit
-    with a zero of its own, as degC, is not taken to base units unless somebody wants these.
-    Raises BadInput, beginning with ``where``, if a unit is unknown or the two do not fit.
-    """
-    return _convert(value, unit, wanted, where, "known")
-
-
-def to_base(value: float, unit: str, *, where: str) -> float:
-    """``value`` from ``unit`` to SI base units, as formulas are computed: 1 degC is 274.15 K.
+    Cycles and angles are not mixed: Hz to rad/s is refused instead of being taken for 1:1.
 
     Args:
         value: in ``unit``.
         unit: as it was written.
-        where: file, row or key, for complaints.
-
-    Raises:
-        BadInput: there is no such unit, or it is a logarithmic one.
-    """
-    return _convert(value, unit, None, where, "absolute")
-
-
-def convert_difference(value: float, unit: str, wanted: str | None, *, where: str) -> float:
-    """A difference of two values from ``unit`` to ``wanted``: 1 degC is 1 K, rounded once.
-
-    Args:
-        value: in ``unit``, as a standard deviation.
-        unit: as it was written.
         wanted: unit; None means SI base units.
         where: file, row or key, for complaints.
+        zero: what becomes of a unit with a zero of its own, as degC: "known", only where the unit
+            that is wanted is known; "absolute", 1 degC is 274.15 K; "difference", as of a standard
+            deviation, 1 degC is 1 K.
 
     Raises:
-        BadInput: as `convert`.
-    """
-    return _convert(value, unit, wanted, where, "difference")
-
-
-def _convert(
-    value: float,
-    unit: str,
-    wanted: str | None,
-    where: str,
-    zero: Literal["known", "absolute", "difference"],
-) -> float:
-    """The conversion, and what becomes of a unit with a zero of its own, as degrees Celsius.
-
-    "known": only where the unit that is wanted is known; "difference": its zero does not count.
+        BadInput: a unit that is unknown or logarithmic, or two that do not fit.
     """
     if unit == wanted:  # also a private unit name of the FMU, used as the FMU writes it
         return value
@@ -235,6 +209,20 @@ def _convert(
     if not math.isfinite(converted):
         raise BadInput(f"{where}: found {value:g} {unit}, which is no finite number in {wanted}")
     return converted
+
+
+def to_base(value: float, unit: str, *, where: str) -> float:
+    """``value`` from ``unit`` to SI base units, as formulas are computed: 1 degC is 274.15 K.
+
+    Args:
+        value: in ``unit``.
+        unit: as it was written.
+        where: file, row or key, for complaints.
+
+    Raises:
+        BadInput: there is no such unit, or it is a logarithmic one.
+    """
+    return convert(value, unit, None, where=where, zero="absolute")
 
 
 @made_once
@@ -405,7 +393,7 @@ def written_values(values: Mapping[str, Scalar], where: str) -> dict[str, Writte
     return {name: as_written(value, f"{where}: {name}") for name, value in values.items()}
 
 
-def in_unit(written: Written, unit: str | None) -> float:
+def in_unit(written: Written, unit: str | None, *, difference: bool = False) -> float:
     """The number of a written value in ``unit``; a bare number is in ``unit`` already.
 
     With ``unit`` None (the unit wanted is unknown) a written unit is taken to SI base units.
@@ -413,33 +401,40 @@ def in_unit(written: Written, unit: str | None) -> float:
     Args:
         written: number or quantity as the file has it.
         unit: of the values.
+        difference: whether it is one, as a standard deviation: 1 degC is 1 K.
 
     Raises:
         BadInput: not a number, or a unit of another dimension.
     """
-    return _in(written, unit, convert)
-
-
-def _in(written: Written, unit: str | None, conversion: Callable[..., float]) -> float:
-    value, own = written.value, written.unit
+    value, own, where = written.value, written.unit, written.where
     if isinstance(value, bool):
-        raise BadInput(f"{written.where}: found {value!r}, wanted a number")
+        raise BadInput(f"{where}: found {value!r}, wanted a number")
     if isinstance(value, str):
-        value, own = parse_quantity(value, where=written.where, wanted=unit)
-    return float(value) if own is None else conversion(float(value), own, unit, where=written.where)
+        value, own = parse_quantity(value, where=where, wanted=unit)
+    if own is None:
+        return float(value)
+    return convert(
+        float(value), own, unit, where=where, zero="difference" if difference else "known"
+    )
 
 
-def difference_in(written: Written, unit: str | None) -> float:
-    """The number of a written difference in ``unit``, as of a standard deviation: 1 degC is 1 K.
+def above_zero(written: Written | None, unit: str | None, *, difference: bool = False) -> float:
+    """The number of a written value in ``unit``; zero where nothing is written.
 
     Args:
-        written: number or quantity as the file has it.
-        unit: of the values; None: a written unit is taken to SI base units.
+        written: number or quantity as the file has it, None where it has none.
+        unit: of the values.
+        difference: as of `in_unit`.
 
     Raises:
-        BadInput: as `in_unit`.
+        BadInput: not a number, a unit of another dimension, zero or less.
     """
-    return _in(written, unit, convert_difference)
+    if written is None:
+        return 0.0
+    value = in_unit(written, unit, difference=difference)
+    if not value > 0.0:
+        raise BadInput(f"{written.where}: found {written.value}, wanted more than zero")
+    return value
 
 
 def sigma_in(written: Written | None, unit: str | None) -> float:
@@ -452,31 +447,7 @@ def sigma_in(written: Written | None, unit: str | None) -> float:
     Raises:
         BadInput: not a number, a unit of another dimension, zero or less.
     """
-    return _positive(written, unit, difference_in)
-
-
-def above_zero(written: Written | None, unit: str | None) -> float:
-    """The number of a written value in ``unit``; zero where nothing is written.
-
-    Args:
-        written: number or quantity as the file has it, None where it has none.
-        unit: of the values.
-
-    Raises:
-        BadInput: not a number, a unit of another dimension, zero or less.
-    """
-    return _positive(written, unit, in_unit)
-
-
-def _positive(
-    written: Written | None, unit: str | None, read: Callable[[Written, str | None], float]
-) -> float:
-    if written is None:
-        return 0.0
-    value = read(written, unit)
-    if not value > 0.0:
-        raise BadInput(f"{written.where}: found {written.value}, wanted more than zero")
-    return value
+    return above_zero(written, unit, difference=True)
 
 
 def positive_in(written: Written, unit: str) -> float:

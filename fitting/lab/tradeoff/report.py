@@ -8,8 +8,7 @@ from pathlib import Path
 
 from fitting.extension.report import markdown_lines, printed_lines, table
 from fitting.lab.tradeoff.records import Row, Study
-from fitting.text.notation import number
-from fitting.text.rendering import with_prefix
+from fitting.text.notation import number, with_prefix
 from fitting.text.tables import csv_text
 
 HEADS = (

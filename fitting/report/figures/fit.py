@@ -36,10 +36,10 @@ from fitting.text.notation import (
     number,
     on_log_axis,
     prefixed,
+    range_words,
     scaling_for,
     unit_text,
 )
-from fitting.text.rendering import range_words
 
 CONVERGENCE, DERIVED = "convergence", "derived_per_experiment"
 PER_ROW = 3
