@@ -111,13 +111,16 @@ class SweepResponse:
 
     @property
     def accuracy(self) -> float:
-        """The promise, relative to the largest amplitude, at the points that the plan looked at."""
-        return self.plan.promised
+        """The promise at the points that the plan looked at, relative to the largest amplitude.
+
+        What both ways differ by is added where they stay on one branch: one of them is as far off.
+        """
+        return self.plan.promised + (0.0 if self.jumps else self.difference or 0.0)
 
     @property
     def steady(self) -> bool:
         """Whether the promise is what was wanted."""
-        return self.plan.budget.kept
+        return self.accuracy <= self.plan.budget.wanted
 
 
 def sweep(

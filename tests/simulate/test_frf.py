@@ -132,3 +132,19 @@ def test_one_way_tells_nothing_of_another() -> None:
 def test_points_that_do_not_rise_are_refused(f: tuple[float, ...]) -> None:
     with pytest.raises(BadInput, match="rising points"):
         Sweep(start_values={}, tone="u", tone_unit="Hz", frequencies_hz=f, output="x")
+
+
+def test_what_both_ways_differ_by_is_an_error_where_no_branch_ends() -> None:
+    """The plan looks at a point on its way from the upper end alone: what is off upwards is not."""
+
+    def hovering(f: float, rising: bool) -> float:
+        return one_branch(f, rising) * (1.0 + (1e-3 if rising and f == 1004.0 else 0.0))
+
+    found = taken(BranchWorkers(hovering), sweep_of())
+    truth = [one_branch(f, True) for f in F_HZ]
+    off = max(
+        abs(a - t) for curve in found.curves for a, t in zip(curve.amplitudes, truth, strict=True)
+    )
+    assert off / max(truth) < (1.0 + 1e-9) * found.accuracy < 2e-3
+    assert not found.steady
+    assert found.jumps == ()
