@@ -7,7 +7,7 @@ have their own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -30,7 +30,7 @@ from fitting.campaign.binding import (
 from fitting.campaign.bound import BoundCampaign, Setup
 from fitting.campaign.drift import bind_sigmas
 from fitting.campaign.file import offset_trouble
-from fitting.campaign.kind import SeriesMeasurement, is_measurement, labels_of
+from fitting.campaign.kind import SeriesMeasurement, labels_of
 from fitting.campaign.measured import NO_FILE, Experiment, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import SCOPES
@@ -38,7 +38,7 @@ from fitting.fmu.description import READABLE, FmuVariable
 from fitting.lines.names import BACKGROUNDS
 from fitting.signal.scale import SCALES
 from fitting.text.arguments import checked
-from fitting.text.arrays import Scalar
+from fitting.text.arrays import Scalar, as_numbers, as_values
 from fitting.text.errors import BadInput
 from fitting.text.units import Written, as_written, checked_accuracy, written_values
 
@@ -156,9 +156,9 @@ class Tones:
                 f"a column for each of {', '.join(names)}"
             )
         lines_hz = drive_hz if self.lines_hz is None else _table(self.lines_hz, "lines_hz", count)
-        values = _table(self.peaks_v, "peaks_v", count, complex)
-        is_complex = np.iscomplexobj(self.peaks_v)
-        peaks_v = np.abs(values) if is_complex else values.real
+        values = _table(self.peaks_v, "peaks_v", count, as_values)
+        is_complex = np.iscomplexobj(values)
+        peaks_v = np.abs(values) if is_complex else values
         sigmas_v = np.full(peaks_v.shape, np.nan)
         if self.sigmas_v is not None:
             sigmas_v = _table(self.sigmas_v, "sigmas_v", count)
@@ -274,9 +274,7 @@ def _top(series: str) -> str:
     return f"series '{series}': " if series else ""
 
 
-def _check_setup(kind: str, setup: object) -> None:
-    if not isinstance(setup, Setup):
-        raise BadInput(f"{kind}: setup is a {type(setup).__name__}, wanted a Setup")
+def _check_setup(kind: str, setup: Setup) -> None:
     if setup.drive.kind == "none":
         raise BadInput(
             f"{kind}: its drive has neither frequency_names nor an input; wanted what drives the "
@@ -284,12 +282,11 @@ def _check_setup(kind: str, setup: object) -> None:
         )
 
 
-def _table(values: npt.ArrayLike, name: str, rows: int | None, kind: type = float) -> Any:
+def _table(
+    values: npt.ArrayLike, name: str, rows: int | None, read: Callable[..., Any] = as_numbers
+) -> Any:
     """An array of numbers (m, k), real or complex."""
-    try:
-        table: npt.NDArray[Any] = np.asarray(values, dtype=kind)
-    except (TypeError, ValueError, OverflowError):
-        raise BadInput(f"tones: {name} is not an array of numbers") from None
+    table = read(values, f"tones: {name}")
     if table.ndim != 2 or table.size == 0 or (rows is not None and len(table) != rows):
         wanted = "(experiments, tones)" if rows is None else f"({rows}, lines)"
         raise BadInput(f"tones: {name} has the shape {table.shape}, wanted {wanted}")
@@ -340,7 +337,7 @@ def bind_arrays(
         if not isinstance(thing, Parameter):
             raise BadInput(f"problem: parameters hold a {type(thing).__name__}, wanted Parameter")
     for other in measurements:
-        if not isinstance(other, Tones | Sweep) and not is_measurement(other):
+        if not isinstance(other, Tones | Sweep) and not hasattr(other, "within"):
             raise BadInput(
                 f"problem: measurements hold a {type(other).__name__}, wanted Tones or Sweep"
             )
@@ -385,6 +382,7 @@ def _bound_series(
             "several outputs under one drive one setup, and output= of each measurement"
         )
     output = binder.real(given.output, f"{top}setup: output", READABLE, "observed")
+    tones = [m for m in mine if isinstance(m, Tones)]
     sweeps = [m for m in mine if isinstance(m, Sweep)]
     if len(sweeps) > 1:
         raise BadInput(f"{top}{len(sweeps)} sweeps, wanted a series for each of them")
@@ -392,25 +390,21 @@ def _bound_series(
     drive = given.drive
     if drive.kind != "none":
         drive, _ = bind_drive(drive, binder, f"{top}setup: drive")
+
+    def settings(values: Mapping[str, Scalar], what: str) -> dict[str, Scalar]:
+        return binder.settings(written_values(values, f"{top}{what}"))
+
     setup = replace(
         given,
         drive=drive,
-        start_values=binder.settings(
-            written_values(given.start_values, f"{top}setup: start_values")
-        ),
+        start_values=settings(given.start_values, "setup: start_values"),
         accuracy=checked_accuracy(given.accuracy, f"{top}setup: accuracy"),
         source=f"{top}setup",
     )
+    measured = [e for m in tones for e in m.experiments]
     experiments = [
-        bind_experiment(
-            replace(e, peaks_v=factor * e.peaks_v, sigmas_v=factor * e.sigmas_v),
-            binder,
-            drive,
-            output,
-        )
-        for m in mine
-        if isinstance(m, Tones)
-        for e in m.experiments
+        replace(e, peaks_v=factor * e.peaks_v, sigmas_v=factor * e.sigmas_v)
+        for e in (bind_experiment(each, binder, drive, output) for each in measured)
     ]
     others = [m.within(setup, "") for m in mine if not isinstance(m, Tones | Sweep)]
     labels = [*(e.label for e in experiments), *labels_of(others)]
@@ -421,18 +415,12 @@ def _bound_series(
     for key in derived:
         binder.reported(key, "problem: derived", setup.laws.formulas)
     sweep: SweepData | None = None
-    for given_sweep in sweeps:
-        settings, sigmas = (
-            written_values(values or {}, f"{top}sweep: {what}")
-            for what, values in (
-                ("settings", given_sweep.settings),
-                ("setting_sigma", given_sweep.setting_sigma),
-            )
-        )
+    for own in sweeps:
+        sigmas = written_values(own.setting_sigma or {}, f"{top}sweep: setting_sigma")
         sweep = replace(
-            given_sweep.data,
-            amplitude_v=factor * given_sweep.data.amplitude_v,
-            settings=binder.settings(settings),
+            own.data,
+            amplitude_v=factor * own.data.amplitude_v,
+            settings=settings(own.settings or {}, "sweep: settings"),
             setting_sigma=bind_sigmas(sigmas, binder),
             source=NO_FILE / name,
             unit=unit,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
@@ -317,7 +317,7 @@ def _bind_drive(choice: WrittenDrive | None, binder: Binder, where: str) -> Driv
         amplitude_names=choice.amplitudes or (),
         input=choice.input,
         samples_per_period=choice.samples_per_period or SAMPLES_PER_PERIOD,
-        highest_order=choice.highest_order,
+        highest_order=choice.lines_and_order[1],
     )
     drive, driven = bind_drive(drive, binder, f"{where} {{}}", HOLD_TONES)
     amplitude = binder.number(driven, choice.level)
@@ -410,30 +410,22 @@ def factor_to_output(unit: str, output: FmuVariable, where: str) -> float:
 
 def _bind_annotation(choice: WrittenAccuracy, binder: Binder, where: str) -> AccuracyAnnotation:
     """The [accuracy] table in the FMU's names and units."""
-    names = (name for name in (choice.tolerance, choice.substep) if name is not None)
-    readers: list[Callable[[], object]] = []
-    readers += [partial(binder.real, name, where, SETTABLE, "set") for name in names]
+    stated = Complaints()
+    for name in filter(None, (choice.tolerance, choice.substep)):
+        stated.read(binder.real, name, where, SETTABLE, "set")
+    settings = []
     for entry in choice.reductions:
         if entry.bound is not None and "{output}" not in entry.bound:
             inside = f"{where.removesuffix(']')}.reductions '{entry.name}'] bound"
-            readers.append(partial(binder.real, entry.bound, inside, READABLE, "read"))
-        readers.append(partial(binder.settings, entry.set))
-    readers.append(partial(binder.settings, choice.full))
-    gathered(readers)
-    reductions = tuple(
-        Reduction(
-            entry.name,
-            binder.settings(entry.set),
-            bound=entry.bound,
-            cost=entry.cost,
-            start=entry.start,
-            slow=entry.slow,
-        )
-        for entry in choice.reductions
-    )
+            stated.read(binder.real, entry.bound, inside, READABLE, "read")
+        settings.append(stated.read(binder.settings, entry.set))
+    full = stated.read(binder.settings, choice.full)
+    stated.check()
+    pairs = zip(choice.reductions, settings, strict=True)
+    reductions = tuple(Reduction(**(vars(entry) | {"set": own})) for entry, own in pairs)
     same = {of.name: getattr(choice, of.name) for of in fields(AccuracyNames)}
     try:
-        return AccuracyAnnotation(**same, full=binder.settings(choice.full), reductions=reductions)
+        return AccuracyAnnotation(**same, full=full, reductions=reductions)
     except BadInput as error:
         raise BadInput(f"{where} {error}") from error
 

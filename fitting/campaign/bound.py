@@ -19,34 +19,18 @@ from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
 
-#: Positions in a series may leave it by so much.
-ROUNDING = 1e-9
-
 
 @dataclass(frozen=True)
 class Drift:
     """Variables that move over a series: ``ends`` (before, after) and ``units`` by variable.
 
     ``positions`` (n,) of the experiments between the ends, 0 to 1; ``parameters`` correct them.
-
-    Raises:
-        BadInput: ends that are not finite, positions that are not from 0 to 1.
     """
 
     ends: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     positions: tuple[float, ...] = ()
     parameters: tuple[Parameter, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name, (before, after) in self.ends.items():
-            if not (math.isfinite(before) and math.isfinite(after)):
-                raise BadInput(
-                    f"drift of {name}: from {before:g} to {after:g}, wanted finite values"
-                )
-        if not all(-ROUNDING <= place <= 1.0 + ROUNDING for place in self.positions):
-            shown = ", ".join(f"{place:g}" for place in self.positions)
-            raise BadInput(f"drift: positions {shown} of the experiments, wanted them from 0 to 1")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,10 +119,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         for name in ("frequency_names", "amplitude_names"):
-            value = getattr(self, name)
-            if isinstance(value, str):
-                raise BadInput(f"drive: {name} is {value!r}, wanted a sequence of names")
-            object.__setattr__(self, name, tuple(value))
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         if self.input is None and len(self.amplitude_names) != len(self.frequency_names):
             raise BadInput(
                 f"drive: {len(self.amplitude_names)} amplitude_names, wanted "

@@ -96,20 +96,18 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
         file = read_campaign_file(path, kinds)
     except BadInput as error:
         raise BadInput(*error.args, *_missing_files(path, kinds)) from None
+    stated = Complaints()
+    read = stated.read
     experiments: tuple[Experiment, ...] = ()
     sweep: SweepData | None = None
-    measurements: dict[str, ReadMeasurement] = {}
-    stated = Complaints()
     if file.experiments is not None:
-        with stated:
-            experiments = _read_experiments(file, file.experiments, path.parent)
+        experiments = read(_read_experiments, file, file.experiments, path.parent)
     if file.sweep is not None:
-        with stated:
-            sweep = _read_sweep(file.sweep)
-    for name, tables in file.further.items():
-        with stated:
-            kind, first = type(tables[0]), tables[0]
-            measurements[name] = kind.read_together(tables) if kind.REPEATED else first.read()
+        sweep = read(_read_sweep, file.sweep)
+    measurements = {
+        name: read(tables[0].read_together, tables) if tables[0].REPEATED else read(tables[0].read)
+        for name, tables in file.further.items()
+    }
     stated.check()
     if file.experiments is not None and file.sweep is not None:
         # peaks and sweep are compared with each other, so they must share the detector's unit
@@ -131,15 +129,13 @@ def _missing_files(path: Path, kinds: Sequence[type[MeasurementTable]]) -> list[
     except BadInput:
         return []
     named = [data.get(name) for name in ("experiments", "sweep", *(kind.TABLE for kind in kinds))]
-    errors: list[str] = []
-    for table in (t for each in named for t in (each if isinstance(each, list) else [each])):
-        file = table.get("file") if isinstance(table, Mapping) else None
-        if isinstance(file, str) and not (path.parent / file).exists():
-            try:
-                read_text(path.parent / file)
-            except BadInput as error:
-                errors += error.args
-    return errors
+    tables = [t for each in named for t in (each if isinstance(each, list) else [each])]
+    files = [t.get("file") for t in tables if isinstance(t, Mapping)]
+    stated = Complaints()
+    for file in (path.parent / name for name in files if isinstance(name, str)):
+        if not file.exists():
+            stated.read(read_text, file)
+    return stated.lines
 
 
 def _read_sweep(written: WrittenSweep) -> SweepData:

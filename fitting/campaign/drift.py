@@ -27,7 +27,7 @@ from functools import partial
 import numpy as np
 
 from fitting.campaign.binder import Binder, is_real
-from fitting.campaign.bound import ROUNDING, BoundCampaign, Drift
+from fitting.campaign.bound import BoundCampaign, Drift
 from fitting.campaign.data import Campaign
 from fitting.campaign.measured import Experiment
 from fitting.campaign.parameters import Parameter
@@ -40,6 +40,8 @@ from fitting.text.units import Written, convert, in_unit, same_kind, sigma_in
 
 #: An offset may leave the stated value by this many standard deviations of its prior.
 REACH = 6.0
+#: Time stamps may leave the series by so much of it.
+ROUNDING = 1e-9
 #: Label of a sweep that has values of its own.
 SWEEP = "sweep"
 
@@ -107,8 +109,7 @@ def bind_drift(campaign: Campaign, binder: Binder) -> Drift:
             ends[name] = before, after
     known = [name for name in choice.ends if name in variables]
     if choice.prior is not None and known:
-        with stated:
-            _prior(campaign, binder, (known[0],), "")
+        stated.read(_prior, campaign, binder, (known[0],), "")
     stated.check()
     positions = _positions(campaign)
     made: list[Parameter] = []

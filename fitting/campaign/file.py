@@ -131,9 +131,8 @@ class WrittenDrive(Keys):
 
     def __post_init__(self) -> None:
         own = "amplitudes" if self.kind == "tones" else "input"
-        for key in ("input", "samples_per_period") if self.kind == "tones" else ("amplitudes",):
-            if getattr(self, key) is not None:
-                raise Refused(f'has no meaning with kind = "{self.kind}"', key)
+        others = ("input", "samples_per_period") if self.kind == "tones" else ("amplitudes",)
+        self.refuse(f'has no meaning with kind = "{self.kind}"', *others)
         if not self.frequencies:
             raise Refused("is empty, wanted at least one name", "frequencies")
         if getattr(self, own) is None:
@@ -149,21 +148,18 @@ class WrittenDrive(Keys):
                 "samples_per_period",
             )
         with refusing("read"):
-            self._lines()
+            _ = self.lines_and_order
 
-    def _lines(self) -> tuple[tuple[Combination, ...], int]:
+    @property
+    def lines_and_order(self) -> tuple[tuple[Combination, ...], int]:
+        """Lines whose peaks are compared, and the highest order that the response may hold."""
         read = self.frequencies if self.read is None else self.read
         return lines_to_read(read, self.order, self.frequencies, "")
 
     @property
     def lines(self) -> tuple[Combination, ...]:
         """The lines whose peaks are compared."""
-        return self._lines()[0]
-
-    @property
-    def highest_order(self) -> int:
-        """Highest order of combinations of the tones that the response may hold."""
-        return self._lines()[1]
+        return self.lines_and_order[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,13 +201,12 @@ class LayoutKeys(Keys):
         part = ("trace", "chunk", "header_row")
         if keys is None:
             keys = part if self.layout is None else LAYOUTS[self.layout].keys
-        for key in part:
-            if getattr(self, key) is not None and key not in keys:
-                known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
-                result = result or f'layout = "{self.layout}"'
-                raise Refused(
-                    f"has no meaning with {result}, only with layout = {' or '.join(known)}", key
-                )
+        result = result or f'layout = "{self.layout}"'
+        for key in (key for key in part if key not in keys):
+            known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
+            self.refuse(
+                f"has no meaning with {result}, only with layout = {' or '.join(known)}", key
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,8 +282,8 @@ class WrittenExperiments(WrittenTrace):
         self._check_phases()
         if self.spectra is not None and "{experiment}" not in self.spectra:
             raise Refused(f"'{self.spectra}' wanted with '{{experiment}}' in it", "spectra")
-        if self.peak_sigmas and self.spectra is not None:
-            raise Refused("wanted only together with 'peaks'", "peak_sigmas")
+        if self.spectra is not None:
+            self.refuse("wanted only together with 'peaks'", "peak_sigmas")
         super().__post_init__()
         if self.x and self.detector.kind in ("dBm", "dB"):
             raise Refused(
@@ -308,8 +303,8 @@ class WrittenExperiments(WrittenTrace):
             if self.data_columns.count(name) > 1:
                 key = "phases" if self.phases else "y" if self.x else "peak_sigmas"
                 raise Refused(f"'{name}' is named twice, wanted a column for each", key)
-        if self.phases and not self.peaks:
-            raise Refused("wanted only together with 'peaks'", "phases")
+        if not self.peaks:
+            self.refuse("wanted only together with 'peaks'", "phases")
         if self.phases and len(self.phases) != len(self.peaks):
             raise Refused(
                 f"{how_many(len(self.phases), 'column')}, wanted {len(self.peaks)}", "phases"
@@ -317,9 +312,8 @@ class WrittenExperiments(WrittenTrace):
         if len(self.x) != len(self.y):
             raise Refused(f"{how_many(len(self.y), 'column')}, wanted {len(self.x)}", "y")
         if not self.is_complex:
-            for key in ("unknown", "restarted", "conjugate"):
-                if getattr(self, key):
-                    raise Refused("has a meaning together with 'phases', or 'x' and 'y', only", key)
+            sentence = "has a meaning together with 'phases', or 'x' and 'y', only"
+            self.refuse(sentence, "unknown", "restarted", "conjugate")
         if self.restarted and self.unknown == "none":
             raise Refused('has no meaning with unknown = "none"', "restarted")
 
@@ -432,9 +426,7 @@ class WrittenDrift(Keys):
                 'eta = { before = "6.94021 MHz", after = "6.94031 MHz" }'
             )
         if self.model == "linear":
-            for key in ("prior", "share"):
-                if getattr(self, key) is not None:
-                    raise Refused('has no meaning with model = "linear"', key)
+            self.refuse('has no meaning with model = "linear"', "prior", "share")
         elif self.prior is None:
             what = "of an offset" if self.model == "offsets" else "of a step of the walk"
             raise Refused(
@@ -442,9 +434,8 @@ class WrittenDrift(Keys):
                 'prior = "30 Hz"',
                 "prior",
             )
-        for key in ("before_time", "after_time"):
-            if getattr(self, key) is not None and not self.time:
-                raise Refused("wanted only together with time = a column", key)
+        if not self.time:
+            self.refuse("wanted only together with time = a column", "before_time", "after_time")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -719,12 +710,8 @@ class WrittenCampaign(CampaignHead):
         settles |= any(not t.TRANSIENT for tables in self.further.values() for t in tables)
         if settles and self.drive is None:
             raise Refused("key 'drive' is missing")
-        if (
-            settles
-            and not observe.steady_start
-            and observe.line_width is None
-            and self.sweep is None
-        ):
+        is_known = observe.steady_start or observe.line_width is not None or self.sweep is not None
+        if settles and not is_known:
             raise Refused(
                 "wanted line_width (a rough one sets the settling time), or steady_start = true if "
                 "the FMU starts on its periodic orbit, or a [sweep]",

@@ -132,15 +132,6 @@ class MeasurementTable(Keys):
         raise NotImplementedError
 
 
-def is_measurement(thing: object) -> bool:
-    """Whether a thing that a program gave is a measurement of a further kind.
-
-    Args:
-        thing: whatever it is.
-    """
-    return callable(getattr(thing, "within", None))
-
-
 def labels_of(measurements: Iterable[BoundMeasurement]) -> Sequence[str]:
     """Names of single places of measurements, which may have values of their own.
 

@@ -117,17 +117,15 @@ class Parameter(ParameterTable[float]):
                 f"{who}: start = {self.start!r} lies outside its bounds "
                 f"[{self.lower!r}, {self.upper!r}] {self.unit}".rstrip()
             )
-        if self.scale <= 0.0:
-            raise BadInput(f"{who}: scale = {self.scale!r}; wanted a positive number")
+        for key in ("scale", "period", "prior"):
+            value = getattr(self, key)
+            if value is not None and value <= 0.0:
+                raise BadInput(f"{who}: {key} = {value!r}; wanted a positive number")
         if not 1.0 / WIDEST <= (self.upper - self.lower) / self.scale <= WIDEST:
             raise BadInput(
                 f"{who}: scale = {self.scale!r} for bounds {self.upper - self.lower!r} apart; "
                 f"wanted a scale within a factor of {WIDEST:g} of that"
             )
-        if self.period is not None and self.period <= 0.0:
-            raise BadInput(f"{who}: period = {self.period!r}; wanted a positive number")
-        if self.prior is not None and self.prior <= 0.0:
-            raise BadInput(f"{who}: prior = {self.prior!r}; wanted a positive number")
         if self.prior is not None and not 1.0 / WIDEST <= self.prior / self.scale <= WIDEST:
             raise BadInput(
                 f"{who}: prior = {self.prior!r} for a scale of {self.scale!r}; "
@@ -155,19 +153,21 @@ class Parameter(ParameterTable[float]):
 
         Never that of an angle: a small one is no ratio of another.
         """
-        alone = self.period is None and not self.is_angle
-        return alone and spans_decades(self.lower, self.upper)
+        is_ratio = self.period is None and not self.is_angle
+        return is_ratio and spans_decades(self.lower, self.upper)
 
     def near(self, end: float, share: float) -> float:
-        """How far from an end of a range a value is next to it, in its unit (`next_to`).
+        """How far from an end of a range a value is next to it, in its unit.
+
+        A share of the end where the range spans decades: of its width, all but the last decade were
+        next to the lower end. Else that share of the width.
 
         Args:
             end: of a range, in its unit.
             share: that counts as nothing.
         """
-        if self.period is not None:
-            return share * (self.upper - self.lower)
-        return next_to(end, (self.lower, self.upper), share)
+        in_decades = self.period is None and spans_decades(self.lower, self.upper)
+        return share * (abs(end) if in_decades else self.upper - self.lower)
 
     @property
     def moves_model(self) -> bool:
@@ -198,21 +198,6 @@ def spans_decades(low: float, high: float) -> bool:
         high: its upper end.
     """
     return low > 0.0 and high >= DECADE * low
-
-
-def next_to(end: float, whole: tuple[float, float], share: float) -> float:
-    """How far from an end of a range a value is next to it, in its unit.
-
-    A share of the end where the range spans decades: of its width, all but the last decade were
-    next to the lower end. Else that share of the width.
-
-    Args:
-        end: of the range or of a part of it.
-        whole: both ends of the range.
-        share: that counts as nothing.
-    """
-    low, high = whole
-    return share * (abs(end) if spans_decades(low, high) else high - low)
 
 
 def names(parameters: Sequence[Parameter]) -> tuple[str, ...]:
@@ -311,11 +296,11 @@ def search_bounds(parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArr
     Args:
         parameters: the fitted parameters.
     """
-    return _searched(parameters, "lower"), _searched(parameters, "upper")
 
+    def end(side: str) -> FloatArray:
+        return _kept(parameters, f"search {side}", lambda ps: to_search(ps, _column(ps, side)))
 
-def _searched(parameters: Sequence[Parameter], side: str) -> FloatArray:
-    return _kept(parameters, f"search {side}", lambda ps: to_search(ps, _column(ps, side)))
+    return end("lower"), end("upper")
 
 
 def in_box(parameters: Sequence[Parameter], search: FloatArray) -> bool:

@@ -61,6 +61,21 @@ class Keys:
     """What every record of a table is: a key that is no field of it is refused."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+    def refuse(self, sentence: str, *keys: str) -> None:
+        """Refuse keys that are written although they have no meaning.
+
+        Args:
+            sentence: what the error reports of them.
+            *keys: that are no mappings.
+
+        Raises:
+            Refused: the first that has another value than its default.
+        """
+        for key in keys:
+            if getattr(self, key) != self.__dataclass_fields__[key].default:
+                raise Refused(sentence, key)
 
 
 class Refused(ValueError):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fitting.campaign import Drift, read_campaign
+from fitting.campaign import read_campaign
 from fitting.campaign.measured import Experiment, Spectrum, SweepData, checked_experiment
 from fitting.campaign.noise import Noise
 from fitting.text.errors import BadInput
@@ -105,7 +105,7 @@ def test_sweeps_that_cannot_be_are_refused(changed: dict[str, Any], words: str) 
         sweep(**changed)
 
 
-def test_spectra_noise_and_drift_that_cannot_be_are_refused() -> None:
+def test_spectra_and_noise_that_cannot_be_are_refused() -> None:
     with pytest.raises(BadInput, match=r"2 points; .* 3"):
         Spectrum(F[:2], A[:2])
     with pytest.raises(BadInput, match=r"x\.csv: amplitudes: 3 .* 4"):
@@ -119,10 +119,6 @@ def test_spectra_noise_and_drift_that_cannot_be_are_refused() -> None:
         Noise(outliers="drop")
     with pytest.raises(BadInput, match="threshold 0"):
         Noise(threshold=0.0)
-    with pytest.raises(BadInput, match=r"eta: .* 1 to nan"):
-        Drift(ends={"eta": (1.0, np.nan)}, positions=(0.0, 1.0), parameters=())
-    with pytest.raises(BadInput, match="positions 0, 2 "):
-        Drift(ends={"eta": (1.0, 2.0)}, positions=(0.0, 2.0), parameters=())
 
 
 def test_values_as_if_they_were_written() -> None:

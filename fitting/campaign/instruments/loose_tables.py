@@ -137,7 +137,7 @@ def find_table(
         columns, head = _head(path, above, delimiter, count)
     table = Table(
         path=path,
-        columns=with_declared_units(columns, declared_units([t for _, t in above], delimiter)),
+        columns=with_units(columns, [t for _, t in above], delimiter),
         cells=tuple(rows),
         lines=tuple(lines),
         decimal_comma=delimiter != ",",
@@ -369,19 +369,6 @@ def _heads(cell: str) -> bool:
     return unit is not None or column.name.strip(" .").lower() in AXES
 
 
-def declared_units(above: Sequence[str], delimiter: str) -> tuple[str | None, tuple[str, ...]]:
-    """Units of the first column, and of the others, in settings above a table; None, (): none.
-
-    As "X Axis Units,Hz" and "Y Axis Units,dBm", or "Y_Unit_Label", a unit for each column.
-
-    Args:
-        above: lines above the table.
-        delimiter: between their cells.
-    """
-    units = dict(pair for text in above if (pair := _axis_units(text, delimiter)) is not None)
-    return units.get("x", (None,))[0], units.get("y", ())
-
-
 def _axis_units(text: str, delimiter: str) -> tuple[str, tuple[str, ...]] | None:
     """The axis, "x" or "y", whose units a line of settings declares, and these."""
     if "unit" not in text.lower() and "dimension" not in text.lower():
@@ -399,20 +386,33 @@ def _axis_units(text: str, delimiter: str) -> tuple[str, tuple[str, ...]] | None
     return (AXIS_WORDS.get(axis, axis), declared) if declared else None
 
 
-def with_declared_units(
-    columns: Sequence[Column], declared: tuple[str | None, tuple[str, ...]]
+def with_units(
+    columns: Sequence[Column], above: Sequence[str], delimiter: str
 ) -> tuple[Column, ...]:
-    """Columns without a unit of their own in those that settings above them declare.
+    """Columns without a unit in brackets in that which settings declare, or their names have.
+
+    Settings are lines as "X Axis Units,Hz" and "Y Axis Units,dBm", or "Y_Unit_Label", a unit for
+    each column. Names have a unit as freq_hz, or are one, as GHz.
 
     Args:
         columns: of a table.
-        declared: see `declared_units`.
+        above: lines above it.
+        delimiter: between their cells.
     """
-    x, y = declared
-    units = [x, *(y * (len(columns) - 1) if len(y) == 1 else y)]
-    units += [None] * len(columns)
-    pairs = zip(columns, units, strict=False)
-    return tuple(c if c.unit is not None or u is None else replace(c, unit=u) for c, u in pairs)
+    declared = dict(pair for text in above if (pair := _axis_units(text, delimiter)) is not None)
+    x, y = declared.get("x", (None,))[0], declared.get("y", ())
+    units = [x, *(y * (len(columns) - 1) if len(y) == 1 else y), *[None] * len(columns)]
+    only_units = are_units([c.name for c in columns])
+
+    def unit_in(name: str) -> str | None:
+        if only_units:
+            return UNITS.get(name.lower())
+        return suffixed_unit(name)[1] or named_unit(name)
+
+    return tuple(
+        c if c.unit is not None else replace(c, unit=unit or unit_in(c.name))
+        for c, unit in zip(columns, units, strict=False)
+    )
 
 
 def _split(line: str, delimiter: str, count: int) -> tuple[str, ...] | None:

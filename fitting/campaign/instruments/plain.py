@@ -27,15 +27,12 @@ from fitting.campaign.instruments.loose_tables import (
     COMMENTS,
     ENDS,
     UNITS,
-    are_units,
     cells_of,
-    declared_units,
     find_table,
     heads_at,
     is_number,
-    named_unit,
     suffixed_unit,
-    with_declared_units,
+    with_units,
     words_of,
 )
 from fitting.campaign.instruments.recording import Layout, Recording, Selection, of_table
@@ -222,33 +219,30 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
         return of_table(wide[0], wide[1])
     kept = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
     delimiter = next((d for d in ";\t," if d in kept[0]), "") if kept else ""
-    as_written = row is None and (not kept or _has_head(text, kept[:3], delimiter))
-    result = None if as_written else find_table(path, text, row)
+    if row is None and kept and _has_head(text, kept[:3], delimiter):
+        lines = enumerate(text.splitlines(), start=1)
+        table = parse_table(path, [(n, t) for n, t in lines if t.strip().lower() not in ENDS])
+        head = table.lines[0] - 1
+        columns = with_units(table.columns, text.splitlines()[:head], delimiter)
+        return of_table(replace(table, columns=columns), words_of(delimiter, head))
+    result = find_table(path, text, row)
     if result is not None:
         table, words, headed = result
-        return replace(of_table(_with_suffixes(table), words), headed=headed)
-    if not as_written and row is not None:
+        return replace(of_table(table, words), headed=headed)
+    if not kept:
+        raise BadInput(f"{path}: is empty; wanted a header line and rows of numbers")
+    first = kept[0].strip()
+    if row is not None:
         raise BadInput(
             f"{path}: holds no table of numbers below row {row}, which is declared to hold the "
             "names of columns"
         )
-    if not as_written and len(kept) > 1:
-        first = kept[0].strip()
-        if is_number(first, decimal_comma=True):
-            raise BadInput(
-                f"{path}: holds one column of numbers; wanted a column of frequencies, too"
-            )
-        raise BadInput(
-            f"{path}: holds no table of numbers; found {shown(first[:60])}, wanted a header line "
-            "and rows of numbers, a frequency in each"
-        )
-    lines = enumerate(text.splitlines(), start=1)
-    table = parse_table(path, [(n, t) for n, t in lines if t.strip().lower() not in ENDS])
-    delimiter = next((d for d in ";\t" if d in kept[0]), ",")
-    head = table.lines[0] - 1
-    units = declared_units(text.splitlines()[:head], delimiter)
-    table = replace(table, columns=with_declared_units(table.columns, units))
-    return of_table(_with_suffixes(table), words_of(delimiter, head))
+    if is_number(first, decimal_comma=True):
+        raise BadInput(f"{path}: holds one column of numbers; wanted a column of frequencies, too")
+    raise BadInput(
+        f"{path}: holds no table of numbers; found {shown(first[:60])}, wanted a header line "
+        "and rows of numbers, a frequency in each"
+    )
 
 
 def _has_head(text: str, kept: Sequence[str], delimiter: str) -> bool:
@@ -274,17 +268,6 @@ def _has_head(text: str, kept: Sequence[str], delimiter: str) -> bool:
     if rows and len(rows[0]) != len(head) and not has_number(rows[0]):
         return False
     return heads_at(text, delimiter) in (None, 0)  # else settings of an instrument look alike
-
-
-def _with_suffixes(table: Table) -> Table:
-    """Columns with the unit that their name ends in, as freq_hz, or is, as GHz."""
-    whole = are_units([c.name for c in table.columns])
-
-    def unit(name: str) -> str | None:
-        return UNITS.get(name.lower()) if whole else suffixed_unit(name)[1] or named_unit(name)
-
-    columns = (c if c.unit is not None else replace(c, unit=unit(c.name)) for c in table.columns)
-    return replace(table, columns=tuple(columns))
 
 
 LAYOUT = Layout(name="csv", read=_read_csv, recognises=lambda head: True, keys=("header_row",))
