@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -22,6 +22,13 @@ SET_TYPE = "application/x-ssp-parameter-set"
 FMU_TYPE = "application/x-fmu-sharedlibrary"
 #: Of the annotation that holds errors and verdicts.
 TOOL = "fmu-fit"
+#: How a value of each kind is written.
+WRITERS: Mapping[str, Callable[[Scalar], str]] = {
+    "Real": lambda value: repr(float(value)),
+    "Integer": lambda value: str(int(value)),
+    "Boolean": lambda value: str(bool(value)).lower(),
+    "String": str,
+}
 _STANDARD = "http://ssp-standard.org/SSP1/SystemStructure"
 _NAMES = {
     "ssc": f"{_STANDARD}Common",
@@ -57,15 +64,8 @@ def parameter_set(title: str, values: Sequence[SetValue], description: FmuDescri
     for value in values:
         parameter = _element("ssv:Parameter", table, name=value.name)
         kind: str = description.variable(value.name).kind
-        if kind == "Boolean":
-            text = str(bool(value.value)).lower()
-        elif kind == "Integer":
-            text = str(int(value.value))
-        elif kind == "Real":
-            text = repr(float(value.value))
-        else:
-            kind, text = "String", str(value.value)
-        attributes = {"value": text}
+        kind = kind if kind in WRITERS else "String"
+        attributes = {"value": WRITERS[kind](value.value)}
         if kind == "Real" and value.unit in defined:  # the standard wants it defined in the file
             attributes["unit"] = value.unit
             used[value.unit] = defined[value.unit]

@@ -370,8 +370,8 @@ class FmuWorkers:
             # the runs before have left it so: those under way are not to blame
             self._replace(number, job, "it did not get over a run that failed")
             return
-        at, in_trial = _run_of(number, worker, job), worker.in_trial
-        if worker.is_freeing:
+        at, in_trial = _run_of(number, worker, job), worker.pulse.in_trial
+        if worker.pulse.freeing:
             how = f"was to free an instance and {how}"
         if not in_trial:
             self._kill(number)
@@ -396,7 +396,7 @@ class FmuWorkers:
 def _run_of(number: int, worker: WorkerProcess, job: _Job) -> int:
     """Number of the run that the process was at."""
     todo = job.todo[number]
-    return todo[min(worker.at_run, len(todo) - 1)]
+    return todo[min(worker.pulse.at_run, len(todo) - 1)]
 
 
 def _added(kept: tuple[str, ...], more: tuple[str, ...]) -> tuple[str, ...]:

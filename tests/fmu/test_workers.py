@@ -22,7 +22,7 @@ import pytest
 from fitting.fmu.description import read_description, validation_problems
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import InputSignal, Run
-from fitting.fmu.worker.pulse import STARTED, open_pulse
+from fitting.fmu.worker.pulse import open_pulse
 from fitting.fmu.worker.simulation import values_over_steps
 from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import Scalar
@@ -261,13 +261,13 @@ def test_a_batch_of_many_messages_is_one_batch(good: Path, workers: int) -> None
 def in_second_run(workers: FmuWorkers) -> bool:
     """Whether the second run of a batch is under way in the first process."""
     process = workers._open.processes[0]
-    return process is not None and process.at_run == 1
+    return process is not None and process.pulse.at_run == 1
 
 
 def in_trial(workers: FmuWorkers) -> bool:
     """Whether a reset is being tried in the first process."""
     process = workers._open.processes[0]
-    return process is not None and process.in_trial
+    return process is not None and bool(process.pulse.in_trial)
 
 
 @pytest.mark.parametrize(
@@ -604,7 +604,7 @@ run = Run(
 )
 workers.run([run])
 [process] = workers._open.processes
-print(process.pid, workers._open.home, process._pulse.numbers[STARTED], flush=True)
+print(process.pid, workers._open.home, process.pulse.started, flush=True)
 if sys.argv[2] == "busy":
     run = Run(
         start_values={"misbehave": 1}, settle_s=0.0, sample_step_s=1.0, samples=2,
@@ -612,7 +612,7 @@ if sys.argv[2] == "busy":
     )
     workers.run([run])
 sys.stdin.read()
-""".replace("STARTED", str(STARTED))
+"""
 
 
 def _pulse_of(caller: int, home: Path) -> Path:
@@ -654,8 +654,7 @@ def test_nothing_is_left_behind_when_the_caller_is_killed(
         if state == "busy":
             pulse = open_pulse(_pulse_of(caller.pid, Path(home)))
             # the batch, and the new instance or the reset before the run
-            wait_until(lambda: pulse.numbers[STARTED] >= int(begun) + 2, "the run that never ends")
-            pulse.close()
+            wait_until(lambda: pulse.started >= int(begun) + 2, "the run that never ends")
         caller.send_signal(how)
         wait_until(lambda: caller.poll() is not None, "the end of the caller")
         assert caller.returncode != 0

@@ -22,15 +22,7 @@ from fitting.fmu.worker.confinement import allow_processor_time, confine, most_m
 from fitting.fmu.worker.instance import FmuInstance, load
 from fitting.fmu.worker.log import CallFailed, Log
 from fitting.fmu.worker.messages import Reply, Task
-from fitting.fmu.worker.pulse import (
-    AT_RUN,
-    COUNTED_MEMORY,
-    FREEING,
-    IN_TRIAL,
-    OWN_MEMORY,
-    STARTED,
-    open_pulse,
-)
+from fitting.fmu.worker.pulse import Pulse, open_pulse
 from fitting.fmu.worker.reuse import Reuse
 from fitting.fmu.worker.simulation import Binding, bind, simulate, steps_of
 from fitting.text.arrays import FloatArray
@@ -44,10 +36,13 @@ class _UsedUp(Exception):
     """A new instance is wanted that this process should not make."""
 
 
-class _Instances:
-    """The FMU of this process, its instance, and the account of what was done with it."""
+class Instances:
+    """The FMU of this process, its instance, and the account of what was done with it.
 
-    def __init__(self, task: Task, log: Log, pulse: memoryview) -> None:
+    ``single``: the process bears one instance alone.
+    """
+
+    def __init__(self, task: Task, log: Log, pulse: Pulse) -> None:
         self.reuse = Reuse(task.verdict)
         self.layouts: list[Layout] = []
         self.has_failed = False  # the last run, and no reset was proven after a failure
@@ -60,6 +55,11 @@ class _Instances:
         self._seconds = self._processor_s = 0.0
 
     def run(self, request: RunRequest) -> FloatArray:
+        """Result of a run, on an instance as it asks for or as is proven to be as good.
+
+        Args:
+            request: a run, in value references.
+        """
         if self._task.isolation is not None:
             allow_processor_time(self._task.isolation)
         if self.has_failed:
@@ -76,35 +76,47 @@ class _Instances:
         return result
 
     def take_counts(self) -> Counts:
+        """What was done since the last call."""
         counts = Counts(seconds=self._seconds, processor_s=self._processor_s, **self._account)
         self._account.clear()
         self._seconds = self._processor_s = 0.0
         return counts
 
     def free(self) -> None:
+        """Free the instance, if there is one."""
         if self._fmu is not None:
-            self._pulse[FREEING] = 1
+            self._pulse.freeing = 1
             self._fmu.free()
-            self._pulse[FREEING] = 0
+            self._pulse.freeing = 0
 
     def fresh(self, request: RunRequest) -> FloatArray:
+        """Result of a run on a new instance.
+
+        Args:
+            request: a run, in value references.
+        """
         if self._count >= (1 if self.single else MOST_INSTANCES):
             raise _UsedUp
         if self._fmu is None:
             self._fmu = load(self._task.fmu, self._task.folder, self._log)
         self._log.new_run()
         self.free()
-        self._pulse[STARTED] += 1
+        self._pulse.started += 1
         self._fmu.instantiate()
         self._count += 1
         self._account["instances"] += 1
         return self._simulate(self._fmu, request)
 
     def again(self, request: RunRequest) -> FloatArray:
+        """Result of a run on the present instance after a reset.
+
+        Args:
+            request: a run, in value references.
+        """
         fmu = self._fmu
         if fmu is None or fmu.instance is None:  # a new process has taken over
             return self.fresh(request)
-        self._pulse[STARTED] += 1
+        self._pulse.started += 1
         self._log.new_run()
         clocks = time.perf_counter(), time.process_time()
         fmu.call("Reset")
@@ -112,11 +124,12 @@ class _Instances:
 
     @contextlib.contextmanager
     def trying(self) -> Iterator[None]:
-        self._pulse[IN_TRIAL] = 1
+        """Within, a reset may turn out to be the end of the process."""
+        self._pulse.in_trial = 1
         try:
             yield
         finally:
-            self._pulse[IN_TRIAL] = 0
+            self._pulse.in_trial = 0
 
     def _simulate(
         self, fmu: FmuInstance, request: RunRequest, clocks: tuple[float, float] | None = None
@@ -143,10 +156,10 @@ def serve(pipe: connection.Connection, task: Task, pulse_descriptor: int | None)
         pulse_descriptor: of the pulse, None: it is in a file.
     """
     place = Path(task.pulse_path) if pulse_descriptor is None else pulse_descriptor
-    pulse = open_pulse(place).numbers
+    pulse = open_pulse(place)
     log, folder = Log(sys.stderr.fileno()), Path.cwd()
-    instances = _Instances(task, log, pulse)
-    pulse[OWN_MEMORY], pulse[COUNTED_MEMORY] = _memory(), most_memory()
+    instances = Instances(task, log, pulse)
+    pulse.own_memory, pulse.counted_memory = _memory(), most_memory()
     if task.isolation is not None:
         log.warn(confine(task.isolation, folder))
     # an FMU was in the process that packed them: they are not read by one that may do more
@@ -162,13 +175,13 @@ def serve(pipe: connection.Connection, task: Task, pulse_descriptor: int | None)
     process = os.getpid()
     baseline: int | None = None
     while (batch := arriving.get()) is not None:
-        pulse[STARTED] += 1
+        pulse.started += 1
         batch_number, layouts, rows = batch
         instances.layouts += layouts
         results: list[FloatArray] = []
         used_up, failure = False, None
         for number, row in enumerate(rows):
-            pulse[AT_RUN] = number
+            pulse.at_run = number
             try:
                 results.append(instances.run(RunRequest._make(row)))
             except _UsedUp:

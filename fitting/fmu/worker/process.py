@@ -18,16 +18,7 @@ from fitting.engine.process import Printed, end, goes_on, start
 from fitting.fmu.isolation import MB
 from fitting.fmu.runs import Layout, RunRequest
 from fitting.fmu.worker.messages import MOST_OTHERS, Incoming, NotAnAnswer, Reply, Task
-from fitting.fmu.worker.pulse import (
-    AT_RUN,
-    COUNTED_MEMORY,
-    FREEING,
-    IN_TRIAL,
-    OWN_MEMORY,
-    STARTED,
-    hand_over,
-    new_pulse,
-)
+from fitting.fmu.worker.pulse import hand_over, new_pulse
 
 #: The module that serves an FMU.
 PROGRAM = "fitting.fmu.worker.main"
@@ -52,17 +43,13 @@ class WorkerProcess:
 
     def __init__(self, task: Task) -> None:
         pulse_path = Path(task.pulse_path)
-        self._pulse, pulse_descriptor = new_pulse(pulse_path)
+        self.pulse, pulse_descriptor = new_pulse(pulse_path)
         self._isolation = task.isolation
         self._folder = Path(tempfile.mkdtemp(prefix=f"{pulse_path.stem}-", dir=pulse_path.parent))
-        try:
-            # what it leaves among the temporary files goes with its folder
-            more = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self._folder))
-            isolated = task.isolation is not None
-            self._process, self.pipe = start(PROGRAM, self._folder, more, alone=isolated)
-        except BaseException:
-            self._pulse.close()
-            raise
+        # what it leaves among the temporary files goes with its folder
+        more = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(self._folder))
+        isolated = task.isolation is not None
+        self._process, self.pipe = start(PROGRAM, self._folder, more, alone=isolated)
         self._incoming = Incoming(self.pipe)
         self._printed = Printed(cast("IO[bytes]", self._process.stdout))
         self._ended = False
@@ -98,7 +85,7 @@ class WorkerProcess:
             requests: runs to do.
         """
         self._started, self._since = -1, time.monotonic()
-        self._pulse.numbers[AT_RUN] = 0
+        self.pulse.at_run = 0
         self._batches += 1
         self._sizes = [r.rows * len(layouts[r.layout].outputs) for r in requests]
         self._hand_over((self._batches, layouts[self._layouts :], list(map(tuple, requests))))
@@ -133,21 +120,6 @@ class WorkerProcess:
         """
         return self._poll() is not None and not self.pipe.poll()
 
-    @property
-    def at_run(self) -> int:
-        """Which run of the batch is under way."""
-        return self._pulse.numbers[AT_RUN]
-
-    @property
-    def in_trial(self) -> bool:
-        """Whether the FMU is only being tried after a reset."""
-        return bool(self._pulse.numbers[IN_TRIAL])
-
-    @property
-    def is_freeing(self) -> bool:
-        """Whether the FMU is freeing an instance."""
-        return bool(self._pulse.numbers[FREEING])
-
     def is_late(self, timeout_s: float) -> bool:
         """Whether the process began something longer than that ago; its own start is not counted.
 
@@ -156,7 +128,7 @@ class WorkerProcess:
         Args:
             timeout_s: longest silence, s.
         """
-        started = self._pulse.numbers[STARTED]
+        started = self.pulse.started
         if started != self._started:
             self._started, self._since = started, time.monotonic()
         return time.monotonic() - self._since > (timeout_s if started else max(timeout_s, START_S))
@@ -180,8 +152,8 @@ class WorkerProcess:
         if limits is not None:
             # Linux counts the caller's memory for a process that it starts: no more than that
             # means nothing for what the process took itself
-            own, counted = (self._pulse.numbers[place] for place in (OWN_MEMORY, COUNTED_MEMORY))
-            taken = self._most_memory - own if self._most_memory > counted else 0
+            most, own = self._most_memory, self.pulse.own_memory
+            taken = most - own if most > self.pulse.counted_memory else 0
             beyond = {
                 "SIGXCPU": f"took more than {limits.processor_s:g} s of processor time",
                 "SIGXFSZ": f"wrote more than {limits.written_mb:g} MB",
@@ -242,7 +214,7 @@ class WorkerProcess:
         end(self._process, within_s, self._folder)
         self._incoming.close()
         self.pipe.close()
-        self._pulse.close()
+        del self.pulse  # whose file cannot be removed before on Windows
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def _hand_over(self, message: object) -> None:

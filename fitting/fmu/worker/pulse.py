@@ -7,6 +7,7 @@ unpacked FMU, which goes when that folder goes.
 
 from __future__ import annotations
 
+import ctypes
 import mmap
 import os
 import socket
@@ -14,26 +15,26 @@ import sys
 from multiprocessing import connection
 from pathlib import Path
 
-#: Places: the run of the batch that is under way, a count of everything that was started, whether a
-#: reset instance is only being tried, whether an instance is being freed, the memory of the
-#: process in bytes before there is an FMU in it, and the most that the system counts for it till
-#: then.
-AT_RUN, STARTED, IN_TRIAL, FREEING, OWN_MEMORY, COUNTED_MEMORY = 0, 1, 2, 3, 4, 5
-PLACES = 6
-SIZE = 8  # bytes of each
 
+class Pulse(ctypes.Structure):
+    """The numbers of a pulse, of 64 bits each; the memory is given back with the last reference.
 
-class Pulse:
-    """The numbers of a pulse, integers of 64 bits, mapped from a descriptor."""
+    ``at_run`` is the run of the batch that is under way, ``started`` a count of everything that was
+    started. ``in_trial``: a reset instance is only being tried; ``freeing``: an instance is being
+    freed. ``own_memory`` is the memory of the process in bytes before there is an FMU in it,
+    ``counted_memory`` the most that the system counts for it till then.
+    """
 
-    def __init__(self, descriptor: int) -> None:
-        self._file = mmap.mmap(descriptor, PLACES * SIZE)
-        self.numbers = memoryview(self._file).cast("q")
-
-    def close(self) -> None:
-        """Unmap the file, which cannot be removed before on Windows."""
-        self.numbers.release()
-        self._file.close()
+    _fields_ = tuple(
+        (name, ctypes.c_int64)
+        for name in ("at_run", "started", "in_trial", "freeing", "own_memory", "counted_memory")
+    )
+    at_run: int
+    started: int
+    in_trial: int
+    freeing: int
+    own_memory: int
+    counted_memory: int
 
 
 def new_pulse(path: Path) -> tuple[Pulse, int | None]:
@@ -43,15 +44,15 @@ def new_pulse(path: Path) -> tuple[Pulse, int | None]:
         path: of the file, where there has to be one.
     """
     if sys.platform != "linux":
-        path.write_bytes(bytes(PLACES * SIZE))
+        path.write_bytes(bytes(ctypes.sizeof(Pulse)))
         return open_pulse(path), None
     import fcntl
 
     descriptor = os.memfd_create("pulse", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
-    os.ftruncate(descriptor, PLACES * SIZE)
+    os.ftruncate(descriptor, ctypes.sizeof(Pulse))
     seals = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
     fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, seals)
-    return Pulse(descriptor), descriptor
+    return _mapped(descriptor), descriptor
 
 
 def open_pulse(place: Path | int) -> Pulse:
@@ -62,9 +63,13 @@ def open_pulse(place: Path | int) -> Pulse:
     """
     descriptor = place if isinstance(place, int) else os.open(place, os.O_RDWR)
     try:
-        return Pulse(descriptor)
+        return _mapped(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _mapped(descriptor: int) -> Pulse:
+    return Pulse.from_buffer(mmap.mmap(descriptor, ctypes.sizeof(Pulse)))
 
 
 def hand_over(pipe: connection.Connection, descriptor: int | None) -> None:

@@ -15,15 +15,17 @@ second one; one that stood still gives way to the next.
 from __future__ import annotations
 
 from collections import Counter
-from contextlib import AbstractContextManager
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fitting.fmu.runs import RunRequest
 from fitting.fmu.worker.log import CallFailed
 from fitting.text.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from fitting.fmu.worker.loop import Instances
 
 Place = tuple[int, int] | str  # a value of a request: (group, position), or the input's tones
 
@@ -45,21 +47,6 @@ class Trial:
     _: KW_ONLY
     varied: set[Place] = field(default_factory=set)
     blind: Counter[Place] = field(default_factory=Counter)
-
-
-class Instances(Protocol):
-    """Ways to make a run; ``single``: its process bears one instance alone."""
-
-    single: bool
-
-    def fresh(self, request: RunRequest) -> FloatArray:
-        """On a new instance."""
-
-    def again(self, request: RunRequest) -> FloatArray:
-        """On the present one after a reset."""
-
-    def trying(self) -> AbstractContextManager[None]:
-        """Within, a reset may turn out to be the end of the process."""
 
 
 @dataclass(frozen=True)
