@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fitting.campaign.instruments.recording import MIN_POINTS
 from fitting.lines.excluded import single_points
 from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.text.arrays import FloatArray, Scalar, as_numbers, require_size
@@ -25,7 +26,6 @@ from fitting.text.units import Written
 
 #: Named in errors about what comes from no file.
 NO_FILE = Path("arrays")
-MIN_SPECTRUM_POINTS = 3
 #: What may be unknown of a detector that measures phases.
 UNKNOWN = ("phase", "gain", "none")
 
@@ -47,10 +47,9 @@ class Spectrum:
 
     def __post_init__(self) -> None:
         _set_arrays(self, "frequency_hz", "amplitude_v")
-        if self.frequency_hz.size < MIN_SPECTRUM_POINTS:
+        if self.frequency_hz.size < MIN_POINTS:
             raise BadInput(
-                f"{self.source}: {self.frequency_hz.size} points; wanted at least "
-                f"{MIN_SPECTRUM_POINTS}"
+                f"{self.source}: {self.frequency_hz.size} points; wanted at least {MIN_POINTS}"
             )
         _check_curve(self.frequency_hz, self.amplitude_v, str(self.source))
 

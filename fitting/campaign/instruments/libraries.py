@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import re
-import struct
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -313,13 +312,10 @@ def _unit_of_dataset(item: Any) -> str | None:
 
 
 MATLAB = "a MATLAB file"
-LONGEST_NAME = 64
 #: Names in a file of trajectories, and what it is, in words.
 TRAJECTORIES = {"Aclass", "name", "description", "dataInfo", "data_1", "data_2"}
 RESULTS = "results of a simulation, as Dymola and OpenModelica write them"
 _IN_BRACKETS = re.compile(r"\[(?P<unit>[^\[\]|#:]+)[^\[\]]*\]\s*$")
-#: Version 4 tells order of bytes, precision and type of matrix by a number of four digits.
-MOST_TYPE = 4100
 
 
 def _read_matlab(path: Path, selection: Selection) -> Recording:
@@ -367,17 +363,9 @@ def _trajectories(path: Path, values: Mapping[str, np.ndarray]) -> Recording:
 
 
 def _of_matlab(head: Head) -> bool:
-    if head.data.startswith(b"MATLAB 5.0"):
-        return True
-    if len(head.data) < 20 or head.path.suffix.lower() != ".mat":
-        return False
-    # version 4 has no signature: the first five numbers must be those of a matrix
-    for order in "<>":
-        kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head.data[:20])
-        sizes = rows >= 0 and columns >= 0 and 0 < length < LONGEST_NAME
-        if kind % 10 in (0, 1) and 0 <= kind < MOST_TYPE and imaginary in (0, 1) and sizes:
-            return True
-    return False
+    # version 4 has no signature, but zeros, as every file has that is no text
+    is_old = head.path.suffix.lower() == ".mat" and b"\0" in head.data and not head.text
+    return is_old or head.data.startswith(b"MATLAB 5.0")
 
 
 TDMS = "a TDMS file"
