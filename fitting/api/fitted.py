@@ -34,12 +34,10 @@ from fitting.inference.infer import Inference as InferenceRecord
 from fitting.inference.infer import InferenceRequest, infer
 from fitting.inference.likelihood.knowledge import Inferred, Knowledge, Scan
 from fitting.inference.sweeps import SweepFindings, sweep_findings
-from fitting.report.details import detail_lines
-from fitting.report.summary import result_lines
+from fitting.report.summary import detail_lines, result_lines
 from fitting.report.table import Table, html_table, table, terminal_text, text_lines, wrapped
-from fitting.result.assembly import correlation_of
-from fitting.result.provenance import Identity, job_of
-from fitting.result.reconstruction import identify_fmu, result_through
+from fitting.result.assembly import correlation_of, result_through
+from fitting.result.provenance import Identity, identify_fmu, job_of
 from fitting.result.result import Result
 from fitting.result.result import read_result as read_record
 from fitting.text.arguments import checked

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import sys
 import weakref
@@ -33,6 +32,7 @@ from fitting.fmu.isolation import Isolate, Isolation
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import MOST_WORKERS as MOST_WORKERS
 from fitting.fmu.pool import FmuWorkers
+from fitting.report.simulation import write_drive, write_sweep
 from fitting.report.table import html_table, table
 from fitting.simulate.frf import SweepResponse
 from fitting.simulate.frf import sweep as sweep_through
@@ -366,15 +366,12 @@ class Fmu:
         Raises:
             BadInput: the folder cannot be written, or holds files of these names that are not ours.
         """
-        # matplotlib takes a second to import: only where something is drawn
-        report = importlib.import_module("fitting.report.simulation")
+        description = self.description
         if isinstance(result, DriveResponse):
-            write, command, names = report.write_drive, "simulate", DRIVE_FILES
-        else:
-            write, command, names = report.write_sweep, "sweep", SWEEP_FILES
-        files: tuple[Path, ...]
-        files = written(out, command, names, lambda to: write(result, self.description, to))
-        return files
+            return written(
+                out, "simulate", DRIVE_FILES, lambda to: write_drive(result, description, to)
+            )
+        return written(out, "sweep", SWEEP_FILES, lambda to: write_sweep(result, description, to))
 
     def close(self) -> None:
         """End the worker processes; a later run starts them again."""

@@ -19,8 +19,8 @@ from fitting.inference.determine import identify as identify_through
 from fitting.inference.likelihood.knowledge import Determined, Identification, PartAlone
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
+from fitting.result.provenance import require_same_data
 from fitting.result.result import Result, write_result
-from fitting.result.same_data import require_same_data
 from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.choices import FORMATS, INTERACTIVE, PAPER, STYLES

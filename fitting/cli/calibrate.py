@@ -37,16 +37,18 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BadInput: no result, or another FMU than the one that was fitted.
     """
-    from fitting.report.screens import calibration_lines
+    from fitting.report.screen import printed_lines
     from fitting.result.result import read_result
+    from fitting.text.estimate import EVEN
 
     result = read_result(args.result)
     also = (*result.parameters, *result.alternative) if args.all else args.also
     calibrated = ff.calibrate(args.result, args.out, fmu=args.fmu, also=also)
     made = calibrated.fmu, calibrated.ssv, calibrated.ssp, calibrated.table
     files = [path for path in made if path is not None]
-    lines = calibration_lines(
-        result.title, calibrated.calibration, files, compiled=calibrated.fmu is None
-    )
-    print(*lines, sep="\n")
+    compiled = (
+        calibrated.fmu is None
+    )  # start values are compiled into the FMU, which is not written
+    records = result.title, calibrated.calibration, EVEN, compiled, files
+    print(*printed_lines("calibration", "screen", *records), sep="\n")
     return 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -57,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from fitting.api.cost import expected_of_identification
     from fitting.cli.running.remaining import Remaining, counted
-    from fitting.report.screens import identification_lines
+    from fitting.report.identification import identification_lines, write_report
     from fitting.text.records import write_json
 
     settings = _settings(args.beside)
@@ -93,11 +92,9 @@ def run(args: argparse.Namespace) -> int:
     hand_over(args, result)
     files = [out / JSON_NAME]
     if not args.no_report:
-        # matplotlib takes a second to import: only where something is drawn
-        report = importlib.import_module("fitting.report.identification")
         with status_line(NAME, remaining.left) as show:
             show(remaining.report())
-            files.append(report.write_report(result, out))
+            files.append(write_report(result, out))
     print(*identification_lines(result, files, verbose=args.verbose), sep="\n")
     remove_earlier(out, (*FILES, "fmu/*.fmu"))
     return 0

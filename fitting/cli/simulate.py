@@ -73,8 +73,14 @@ def run(args: argparse.Namespace) -> int:
         BadInput: names, values, units or times do not fit the FMU or each other.
         FmuFailure: the FMU failed.
     """
-    from fitting.report.documents import drive_document, plan_document
-    from fitting.report.screens import Ran, drive_lines, plan_lines, unsteady_words
+    from fitting.report.screen import phrase
+    from fitting.report.simulation import (
+        Ran,
+        drive_document,
+        drive_lines,
+        plan_document,
+        plan_lines,
+    )
 
     if args.out is None and not args.plan:
         raise ff.BadInput("--out: is missing, wanted a folder (or --plan, which writes nothing)")
@@ -97,7 +103,8 @@ def run(args: argparse.Namespace) -> int:
         if not (response.steady or (response.remainder.explained and response.plan.settles)):
             sideband = fmu.sideband(response)
             undamped = () if sideband is not None else fmu.missing_damping(response)
-            advice = unsteady_words(response, sideband, list(fmu.variables), undamped)
+            names = list(fmu.variables)
+            advice = phrase("simulation", "unsteady", response, sideband, names, undamped)
         others = fmu.other_tones(response.drive.names, response.drive.start_values)
         ran = Ran(model=model, warnings=fmu.warnings, others=others if named else (), files=files)
         lines = drive_lines(response, units, ran, advice=advice, verbose=args.verbose)

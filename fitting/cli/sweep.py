@@ -66,8 +66,7 @@ def run(args: argparse.Namespace) -> int:
         BadInput: names, values, units or frequencies do not fit the FMU or each other.
         FmuFailure: the FMU failed.
     """
-    from fitting.report.documents import sweep_document
-    from fitting.report.screens import Ran, sweep_lines
+    from fitting.report.simulation import Ran, sweep_document, sweep_lines
 
     with fmu_of(args) as fmu, complaints_of_options():
         values = start_values(args.set, fmu)

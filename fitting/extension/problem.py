@@ -38,8 +38,8 @@ from fitting.fit.objective import (
 from fitting.fit.outputs import mean, output_means
 from fitting.fit.problem import problem_of
 from fitting.inference.likelihood.knowledge import Inferred, Values
+from fitting.result.provenance import require_same_data
 from fitting.result.result import Result, read_result
-from fitting.result.same_data import require_same_data
 from fitting.signal.residual_tests import NOTABLE, Structure
 
 __all__ = [

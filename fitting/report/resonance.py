@@ -20,14 +20,7 @@ from fitting.lines.noise_model import COUPLED, TOGETHER
 from fitting.lines.noise_spectrum import NoiseLine
 from fitting.lines.record import MeasuredLine, TriedForm
 from fitting.lines.ringdown import ALONE, FORM_WORDS, Ringdown
-from fitting.report.table import (
-    Table,
-    environment,
-    table,
-    terminal_text,
-    text_lines,
-    wrapped,
-)
+from fitting.report.table import Table, environment, table, terminal_text, text_lines, wrapped
 from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.residual_tests import TOGETHER as CORRELATED
 from fitting.text.estimate import Estimate

@@ -14,14 +14,7 @@ from typing import Any
 from fitting.campaign.laws import in_base
 from fitting.inference.checks.assumptions import SHIFT
 from fitting.inference.checks.solutions import ALONE
-from fitting.report.table import (
-    Table,
-    columns,
-    environment,
-    terminal_text,
-    text_lines,
-    wrapped,
-)
+from fitting.report.table import Table, columns, environment, terminal_text, text_lines, wrapped
 from fitting.result.result import Result
 from fitting.text.finding import Finding
 from fitting.text.notation import with_prefix

@@ -13,13 +13,14 @@ from fitting.campaign.laws import in_base
 from fitting.inference.checks.assumptions import SHIFT
 from fitting.inference.sweeps import SweepLine, depends_on_background
 from fitting.report.same_values import same_values
-from fitting.report.screen import Printed, phrase, phrases, printed_lines
+from fitting.report.screen import Printed, phrase, phrases, printed_lines, screen
+from fitting.report.table import table
 from fitting.result.result import Result
 from fitting.text.choices import BUDGET
 from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, of_kind
 from fitting.text.notation import quantity, range_words, sign, with_prefix
-from fitting.text.rendering import sentence
+from fitting.text.rendering import blocks, sentence
 
 #: Warnings on the first screen, at most.
 MOST_WARNINGS = 3
@@ -405,7 +406,8 @@ def _design_command(result: Result, target: str) -> str:
     if words[:2] != ["fmu-fit", "reconstruct"]:
         return ""
     at = f"{words[words.index('--out') + 1]}/result.json" if "--out" in words[:-1] else ""
-    return design_command(_before_options(words[2:]), at, target)
+    count = next((k for k, word in enumerate(words) if word.startswith("--")), len(words))
+    return design_command(words[2:count], at, target)
 
 
 def design_command(campaigns: Sequence[str], at: str, target: str) -> str:
@@ -419,11 +421,6 @@ def design_command(campaigns: Sequence[str], at: str, target: str) -> str:
     return shlex.join(
         ["fmu-fit", "design", *campaigns, *(["--at", at] if at else []), "--target", target]
     )
-
-
-def _before_options(words: Sequence[str]) -> list[str]:
-    count = next((k for k, word in enumerate(words) if word.startswith("--")), len(words))
-    return list(words[:count])
 
 
 # --- the screen ----------------------------------------------------------------------------------
@@ -445,3 +442,17 @@ def result_lines(result: Result) -> list[str]:
         result: of a reconstruction.
     """
     return summary_lines(summary_of(result))
+
+
+def detail_lines(result: Result) -> list[str]:
+    """How the fit ended, the table of values, every finding, and its cost.
+
+    Args:
+        result: of a reconstruction.
+    """
+    return screen(
+        "details",
+        r=result,
+        table=table("intervals", result=result, ends=False),
+        plan="" if result.plan is None else str(blocks("plan").line(result.plan)),
+    )

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 
 import numpy as np
 
+from fitting.campaign.parameters import canonical
 from fitting.fit.fit import Fit, Solution
 from fitting.fit.objective import Point
 from fitting.fit.outputs import mean
-from fitting.fit.problem import Problem
+from fitting.fit.problem import PlannedFmu, Problem
+from fitting.fmu.pool import DROPPED, FmuWorkers
 from fitting.inference.infer import Inference, in_order
 from fitting.inference.likelihood.knowledge import Inferred
+from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.plan import Plan
 from fitting.measurements.sweep import Sweep
+from fitting.result.provenance import Identity, provenance_of
 from fitting.result.result import (
     Cost,
     Deviations,
@@ -27,8 +33,10 @@ from fitting.result.result import (
 )
 from fitting.signal.scale import laboratory_maximum
 from fitting.simulate.budget import PlanRecord
-from fitting.text.finding import Finding, Kind
-from fitting.text.rendering import warning_sentences
+from fitting.text.arrays import FloatArray
+from fitting.text.choices import INTERFACES
+from fitting.text.finding import Finding, Kind, note
+from fitting.text.rendering import phrase, warning_sentences
 
 
 def result_of(
@@ -150,9 +158,7 @@ def _deviation_set(problem: Problem, point: Point) -> DeviationSet:
     counts = [e.peaks_v.size for e in problem.experiments]
     groups = np.split(everything, np.cumsum(counts)[:-1]) if counts else [everything]
     return DeviationSet(
-        tuple(map(float, everything)),
-        tuple(mean(group) for group in groups),
-        mean(everything),
+        tuple(map(float, everything)), tuple(mean(group) for group in groups), mean(everything)
     )
 
 
@@ -166,3 +172,109 @@ def correlation_of(solution: Solution) -> tuple[tuple[float, ...], ...]:
     total = solution.errors.covariance[np.ix_(own, own)]
     std = np.sqrt(np.diag(total))
     return tuple(tuple(map(float, row)) for row in total / np.outer(std, std))
+
+
+# --- through an FMU -------------------------------------------------------------------------------
+
+#: Kinds of warnings that a note tells of.
+MOST_KINDS = 3
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+
+
+def result_through(
+    planned: PlannedFmu, fit: Fit, inference: Inference, identity: Identity, seconds: float
+) -> Result:
+    """The result of a fit through an FMU, with the plan and the FMU's warnings.
+
+    Only what the FMU warns of at the solution is a warning; what it logged elsewhere is a note.
+
+    Args:
+        planned: the FMU, and how it was driven.
+        fit: the solved problem.
+        inference: what its data determine.
+        identity: of the FMU.
+        seconds: what planning, fit and inference took, s.
+
+    Raises:
+        FmuFailure: the FMU failed at the solution.
+    """
+    workers, problem = planned.workers, planned.problem
+    response = planned.response(fit.alternative)
+    p = canonical(problem.parameters, inference.reported)  # as the model takes them
+    here = _said_at(response, p, workers)
+    # what the FMU warned of at starts, steps and samples only
+    kinds = _by_kind(workers.warnings).items()
+    rest = [alike for kind, alike in kinds if kind not in here]
+    notes: tuple[str, ...] = ()
+    if rest:
+        dropped = DROPPED in workers.warnings
+        notes = (phrase("findings", "fmu_elsewhere", rest, MOST_KINDS, dropped),)
+    reuse = workers.verdict.note
+    provenance = replace(
+        provenance_of(problem, identity, fit.options),
+        plan=(*planned.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
+        notes=notes,
+    )
+    plans = list(planned.plans.values())
+    # warnings of the FMU that differ in numbers together
+    further = [
+        Finding(
+            kind=Kind.fmu_warning,
+            severity="warning",
+            subject="FMU",
+            numbers={"count": float(len(alike))},
+            names={"text": (alike[0],)},
+        )
+        for alike in here.values()
+    ]
+    misfit = response.misfit(p)
+    if misfit > max(100.0 * problem.accuracy, 1e-4):
+        numbers, kind = {"error": misfit}, Kind.not_periodic
+        further.append(Finding(kind=kind, severity="warning", subject="samples", numbers=numbers))
+    further += _of_plans(plans)
+    # the equations of the FMU could be integrated here, where its own solver does not do
+    other, description = INTERFACES[1], workers.description
+    short = any(plan.budget is not None and not plan.budget.kept for plan in plans)
+    if short and description.interface != other and other in description.offers:
+        further.append(note(Kind.model_exchange_offered, other))
+    result = result_of(fit, inference, provenance, further, plans[0].record)
+    return replace(result, seconds=seconds)
+
+
+def _of_plans(plans: Sequence[Plan]) -> Iterator[Finding]:
+    """An accuracy that cannot be promised, and reductions that are forced beyond their bound."""
+    for budget in (plan.budget for plan in plans if plan.budget is not None):
+        missed = () if budget.kept else (max(budget.decisions, key=lambda d: d.cost),)
+        forced = (d for d in budget.decisions if d.taken and d.forced and d.bound > budget.wanted)
+        goal = {"promised": budget.promised, "wanted": budget.wanted}
+        for kind, decisions in ((Kind.accuracy_missed, missed), (Kind.accuracy_forced, forced)):
+            for decision in decisions:
+                yield Finding(
+                    kind=kind,
+                    severity="warning",
+                    subject=phrase("plan", "subject", decision),
+                    numbers={**goal, "bound": decision.bound},
+                    names={"choice": (phrase("plan", "choice", decision),)},
+                )
+
+
+def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[str, list[str]]:
+    """What the FMU warns of at these parameters, by kind.
+
+    The runs were all made before, so that none is made of other parameters to try a reset; what was
+    read before is read again.
+    """
+    replace(response).derived_many([p])
+    response.misfit(p)
+    stated = list(workers.latest_warnings)
+    replace(response).derived_many([p])
+    stated += workers.latest_warnings
+    return _by_kind(list(dict.fromkeys(stated)))
+
+
+def _by_kind(warnings: Sequence[str]) -> dict[str, list[str]]:
+    """Warnings that differ in their numbers only, together."""
+    kinds: dict[str, list[str]] = {}
+    for stated in (text for text in warnings if text != DROPPED):
+        kinds.setdefault(NUMBER.sub("#", stated), []).append(stated)
+    return kinds

@@ -1,4 +1,4 @@
-"""Where a result comes from: the FMU, the files, the versions, the settings."""
+"""Where a result comes from: FMU, files, versions, settings; whether files have changed since."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -16,10 +16,17 @@ import fitting
 from fitting.campaign import BoundCampaign
 from fitting.fit.options import Options
 from fitting.fit.problem import Problem
-from fitting.result.result import Provenance
+from fitting.fmu.description import FmuDescription
+from fitting.result.result import Provenance, Result
 from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 from fitting.text.files import read_whole
 from fitting.text.records import to_plain
+
+#: What goes on with other data, as a command has it.
+ANYWAY = "--changed-data to go on"
+#: Digits of a SHA-256 that are shown.
+SHOWN = 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +39,24 @@ class Identity:
     sha256: str = ""
     command: str = ""
     units: Mapping[str, str] = field(default_factory=dict)
+
+
+def identify_fmu(description: FmuDescription, command: str) -> Identity:
+    """What the result states about the FMU, without the plan.
+
+    Args:
+        description: of the FMU.
+        command: command line that made it, for the record.
+    """
+    units = {name: v.unit or "" for name, v in description.variables.items()}
+    return Identity(
+        name=description.model_name,
+        file=description.path.name,
+        guid=description.guid,
+        sha256=description.sha256,
+        command=command,
+        units=units,
+    )
 
 
 def job_of(problem: Problem, identity: Identity, options: Options) -> str:
@@ -116,3 +141,69 @@ def sha256_of(path: Path) -> str:
         path: of the file.
     """
     return hashlib.sha256(read_whole(path)).hexdigest() if path.is_file() else ""
+
+
+def require_same_data(
+    result: Result, campaigns: Sequence[BoundCampaign], *, whole: bool = False
+) -> None:
+    """Refuse a fit that read other data than the campaigns hold: what it knows is not of theirs.
+
+    A file is the same wherever it lies, and campaign files themselves may change: only what was
+    measured counts. A result of arrays, or `of_any_data`, names no files: it is compared with none.
+
+    Args:
+        result: of a fit.
+        campaigns: as they are now.
+        whole: whether the campaigns have to hold every file that the fit read, too.
+
+    Raises:
+        BadInput: one line for each file that is another one, was not read by the fit, or is gone.
+    """
+    known = result.provenance.files
+    if not known or not campaigns:
+        return
+    complaints = list(_changed(known, campaigns))
+    if whole and not complaints:
+        complaints = list(_left_out(known, campaigns))
+    if complaints:
+        raise BadInput(*complaints)
+
+
+def of_any_data(result: Result) -> Result:
+    """The result without the names of the files that its fit read.
+
+    Args:
+        result: of a fit.
+    """
+    return replace(result, provenance=replace(result.provenance, files={}))
+
+
+def _changed(known: Mapping[str, str], campaigns: Sequence[BoundCampaign]) -> Iterator[str]:
+    """Of files that the campaigns hold."""
+    digests = set(known.values())
+    for path, name in _data_files(campaigns):
+        result = sha256_of(path)
+        if result not in digests and name in known:
+            yield (
+                f"{path}: changed since the fit: found SHA-256 {result[:SHOWN]}, required "
+                f"{known[name][:SHOWN]}; fit again, or {ANYWAY}"
+            )
+        elif result not in digests:
+            yield f"{path}: is not among the files of the fit; fit again, or {ANYWAY}"
+
+
+def _left_out(known: Mapping[str, str], campaigns: Sequence[BoundCampaign]) -> Iterator[str]:
+    """Of files that the fit read and the campaigns do not hold."""
+    kept = {sha256_of(path) for path, _ in _data_files(campaigns)}
+    for name, digest in known.items():
+        if digest not in kept and not name.endswith(".toml"):
+            yield (
+                f"{name}: the fit read it, and {campaigns[0].path} does not; fit again, or {ANYWAY}"
+            )
+
+
+def _data_files(campaigns: Sequence[BoundCampaign]) -> list[tuple[Path, str]]:
+    """What was measured, each file once, with its path as seen from the first campaign's folder."""
+    folder = campaigns[0].path.parent
+    paths = dict.fromkeys(p for bound in campaigns for p in bound.files if p != bound.path)
+    return [(path, Path(os.path.relpath(path, folder)).as_posix()) for path in paths]

@@ -28,7 +28,7 @@ from fitting.lab.bench import Series, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Evaluation
-from fitting.result.reconstruction import identify_fmu
+from fitting.result.provenance import identify_fmu
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

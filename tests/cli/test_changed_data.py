@@ -11,8 +11,8 @@ import pytest
 import fitting as ff
 from fitting.campaign import BoundCampaign, bind
 from fitting.fmu.description import read_description
+from fitting.result.provenance import of_any_data, require_same_data
 from fitting.result.result import Result, read_result
-from fitting.result.same_data import of_any_data, require_same_data
 from fitting.text.errors import BadInput
 from tests.support.in_process import told
 from tests.support.small_campaign import small_campaign

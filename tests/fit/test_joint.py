@@ -36,7 +36,7 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep
 from fitting.result.external import check_external, with_external
-from fitting.result.reconstruction import identify_fmu
+from fitting.result.provenance import identify_fmu
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

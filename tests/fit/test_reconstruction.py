@@ -28,10 +28,8 @@ from fitting.fit.problem import problem_of
 from fitting.fmu.description import read_description
 from fitting.fmu.pool import FmuWorkers
 from fitting.measurements.response_curve import ResponseCurve
-from fitting.report.details import detail_lines
-from fitting.report.summary import result_lines, summary_of
-from fitting.result.provenance import Identity, job_of, provenance_of
-from fitting.result.reconstruction import identify_fmu
+from fitting.report.summary import detail_lines, result_lines, summary_of
+from fitting.result.provenance import Identity, identify_fmu, job_of, provenance_of
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput

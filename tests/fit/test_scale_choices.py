@@ -28,7 +28,7 @@ from fitting.lab.writer import campaign_files
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep
-from fitting.result.reconstruction import identify_fmu
+from fitting.result.provenance import identify_fmu
 from fitting.signal.scale import Maximum, chi_robust, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from tests.support import closed_form

@@ -18,8 +18,7 @@ from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
 from fitting.inference.infer import infer
 from fitting.report.published import write_values
-from fitting.report.screen import phrase
-from fitting.report.screens import calibration_lines
+from fitting.report.screen import phrase, printed_lines
 from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
 from fitting.report.table import table as table_of
@@ -173,7 +172,7 @@ def test_a_value_that_is_handed_on_takes_its_sides_into_the_unit_of_the_fmu() ->
         status=Verdict.DETERMINED,
     )
     found = Calibration(parameters=(handed,), campaign_values={}, settings={}, open_settings={})
-    line = calibration_lines("a fit", found, ())[1]
+    line = printed_lines("calibration", "screen", "a fit", found, EVEN, False, ())[1]
     assert line.replace("\u00a0", " ").endswith("d1 = 0.0940 +0.0128 -0.0089 kHz")
 
 

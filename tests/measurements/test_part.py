@@ -17,7 +17,7 @@ from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control.sweep import ControlSweep
 from fitting.report.figures import measurements as measurement
-from fitting.report.screens import identification_lines
+from fitting.report.identification import identification_lines
 from fitting.text.errors import BadInput
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Kind, of_kind

@@ -12,10 +12,9 @@ import pytest
 import fitting as ff
 from fitting.fit.fit import Status
 from fitting.lines.record import NO_STRUCTURE, TriedForm, line_numbers
-from fitting.report.details import detail_lines
 from fitting.report.published import latex, rows_of
 from fitting.report.screen import printed
-from fitting.report.summary import Summary, result_lines, summary_lines, summary_of
+from fitting.report.summary import Summary, detail_lines, result_lines, summary_lines, summary_of
 from fitting.report.table import table as table_of
 from fitting.report.table import text_lines
 from fitting.result.assembly import without_profiles

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import fitting as ff
-from fitting.report.screens import unsteady_words
+from fitting.report.screen import phrase
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import plan_drives
@@ -55,7 +55,7 @@ def test_a_sideband_of_a_pump_is_named(modes: ff.Fmu) -> None:
     sideband = modes.sideband(response)
     assert sideband is not None
     assert (sideband.tone, sideband.parameter) == ("u1", "pump_hz")
-    said = unsteady_words(response, sideband, list(modes.variables))
+    said = phrase("simulation", "unsteady", response, sideband, list(modes.variables), ())
     assert f"u1 {sideband.sign} pump_hz = " in said
     assert said.endswith("readout_at_u1")
 
@@ -79,7 +79,7 @@ def test_a_mode_that_rings_for_hours_is_a_free_oscillation(swift_fmu: Path) -> N
         # it began at rest: the free oscillation cancels the driven one at time zero
         assert response.other_line.share == pytest.approx(1.0, abs=0.2)
         assert fmu.sideband(response) is None
-        said = unsteady_words(response, None, list(fmu.variables))
+        said = phrase("simulation", "unsteady", response, None, list(fmu.variables), ())
     assert "no combination of u1" in said
     assert "pump" not in said
 

@@ -25,9 +25,8 @@ from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu.pool import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
-from fitting.report.details import detail_lines
-from fitting.report.summary import result_lines
-from fitting.result.reconstruction import identify_fmu
+from fitting.report.summary import detail_lines, result_lines
+from fitting.result.provenance import identify_fmu
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain

@@ -12,9 +12,8 @@ from fitting.fit.problem import Problem, plan_problem
 from fitting.fmu.pool import FmuWorkers
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.measurements.measurement import Response
-from fitting.result.assembly import result_of
+from fitting.result.assembly import result_of, result_through
 from fitting.result.provenance import Identity, provenance_of
-from fitting.result.reconstruction import result_through
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
 

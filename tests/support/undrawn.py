@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fitting.report import simulation
+from fitting.report.figures import simulate
 
 
 def without_figures(patch: pytest.MonkeyPatch) -> None:
@@ -14,4 +14,4 @@ def without_figures(patch: pytest.MonkeyPatch) -> None:
         patch: in force for as long as nothing is drawn.
     """
     for name in ("save_figures", "save_frf"):
-        patch.setattr(simulation, name, lambda *_: [])
+        patch.setattr(simulate, name, lambda *_: [])

@@ -52,8 +52,8 @@ def fit_at(args: argparse.Namespace) -> Result | None:
         BadInput: it cannot be read.
     """
     # the work takes libraries along, help does not
+    from fitting.result.provenance import of_any_data
     from fitting.result.result import read_result
-    from fitting.result.same_data import of_any_data
 
     if args.at is None:
         return None

@@ -19,9 +19,8 @@ from fitting.cli.running.interrupts import to_the_end
 from fitting.cli.running.output import hand_over
 from fitting.cli.running.progress import Laps, status_line
 from fitting.cli.running.remaining import Remaining, counted
-from fitting.report.details import detail_lines
 from fitting.report.screen import line_item, printed_lines
-from fitting.report.summary import result_lines
+from fitting.report.summary import detail_lines, result_lines
 from fitting.result.assembly import without_profiles
 from fitting.result.external import check_external, with_external
 from fitting.result.result import Result, write_result

@@ -305,11 +305,7 @@ def _tell_start(axes: Axes, start: float, levels: Sequence[float], unit: str, la
         ha="left",
         va="top" if above else "bottom",
         fontsize="small",
-        bbox={
-            "boxstyle": "square,pad=0.2",
-            "facecolor": axes.get_facecolor(),
-            "edgecolor": "none",
-        },
+        bbox={"boxstyle": "square,pad=0.2", "facecolor": axes.get_facecolor(), "edgecolor": "none"},
     )
 
 

@@ -186,10 +186,7 @@ def _along(result: Values) -> tuple[str, list[str]] | None:
         return None
     # one that goes round is an angle, and what hangs on an angle is best seen over it
     names.sort(
-        key=lambda n: (
-            not result.parameters[n].is_all_round,
-            result.parameters[n].shrinkage,
-        )
+        key=lambda n: (not result.parameters[n].is_all_round, result.parameters[n].shrinkage)
     )
     kept = outputs[:MOST_OUTPUTS]
     return names[0], [name for name in result.derived if name in kept]
@@ -428,14 +425,7 @@ def _scatter(axes: Axes, x: Sequence[float], y: Sequence[float], delta: np.ndarr
 
 def _star(axes: Axes, x: float, y: float) -> None:
     axes.plot(
-        x,
-        y,
-        marker="*",
-        linestyle="none",
-        color=RED,
-        markersize=9,
-        zorder=2.2,
-        label="most likely",
+        x, y, marker="*", linestyle="none", color=RED, markersize=9, zorder=2.2, label="most likely"
     )
 
 

@@ -323,12 +323,7 @@ def _times(axes: Axes, trace: Trace) -> FloatArray:
 
 
 def amplitude_spectrum(
-    result: DriveResponse,
-    output: str,
-    *,
-    unit: str = "",
-    mixed: Named = (),
-    ax: Axes | None = None,
+    result: DriveResponse, output: str, *, unit: str = "", mixed: Named = (), ax: Axes | None = None
 ) -> Axes:
     """Draw amplitudes of a simulated response over frequency, the tones marked with their peaks.
 
@@ -345,10 +340,7 @@ def amplitude_spectrum(
     column = result.drive.outputs.index(output)
     along = scaling_for(spectrum.frequencies_hz.tolist(), "Hz")
     factor, shown = prefixed(float(np.max(result.peaks[:, column])), unit)
-    amplitudes, peaks = (
-        spectrum.amplitudes[:, column] / factor,
-        result.peaks[:, column] / factor,
-    )
+    amplitudes, peaks = (spectrum.amplitudes[:, column] / factor, result.peaks[:, column] / factor)
     frequencies = np.array([along(float(f)) for f in spectrum.frequencies_hz])
     least = _lower_limit(amplitudes, peaks, spectrum.rounding)
     what = "all other frequencies" if spectrum.coherent else "spectrum, lines widened by the window"

@@ -468,12 +468,7 @@ def _scale_deviations(axes: Axes, result: Compared, *, with_errors: bool = False
 def _shade_drift(axes: Axes, name: str, ends: tuple[float, float]) -> None:
     """Shade the range of a drifting variable, an arrow in the direction of its drift."""
     axes.axvspan(
-        *ends,
-        color=GREY,
-        alpha=BAND,
-        linewidth=0.0,
-        zorder=0,
-        label=f"drift of {mathtext(name)}",
+        *ends, color=GREY, alpha=BAND, linewidth=0.0, zorder=0, label=f"drift of {mathtext(name)}"
     )
     axes.annotate(
         "",
