@@ -36,8 +36,10 @@ class Remaining:
         self, expected: Expected, *, drawn: bool = True, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._expected, self._clock = expected, clock
-        self._pace = _Pace()
         self._seconds_each = math.nan
+        # of profiles: evaluations and their seconds; total, size and time of the last batch
+        self._evaluations, self._seconds = 0, 0.0
+        self._last: tuple[int, int, float] | None = None
         self._drawing_s: Range = times(FIGURES if drawn else 0.0, FIGURE_S)
         self._drawing_began_s = math.nan
         self._printed_s: Range | None = None
@@ -69,9 +71,18 @@ class Remaining:
         Args:
             spent: as `fitting.profile` hands it out.
         """
-        self._pace.count(spent.total, self._clock())
-        if self._pace.evaluations >= ENOUGH and self._pace.seconds >= LEAST_S:
-            self._seconds_each = self._pace.seconds / self._pace.evaluations
+        # by now those asked for before have been made; their total begins anew where it falls
+        now_s = self._clock()
+        before, requested, then_s = self._last or (0, 0, now_s)
+        self._last = (spent.total, max(spent.total - before, 0), now_s)
+        seconds = now_s - then_s
+        if self._evaluations >= ENOUGH:  # but for what held this batch up
+            usual_s = self._seconds / self._evaluations * max(requested, 1)
+            seconds = min(seconds, DELAYED * usual_s)
+        self._evaluations += requested
+        self._seconds += seconds
+        if self._evaluations >= ENOUGH and self._seconds >= LEAST_S:
+            self._seconds_each = self._seconds / self._evaluations
         self._expect(self._expected.left(spent.stage, spent.evaluations))
         count = f"{spent.evaluations} evaluations"
         return f"profiles of {self._expected.profiled} values: {spent.stage}, {count}"
@@ -136,29 +147,6 @@ def counted(remaining: Remaining, runs: int) -> str:
         runs: of the FMU.
     """
     return listed_words(remaining.left(), f"{runs} runs")
-
-
-class _Pace:
-    """Evaluations and the seconds that they took, but for what held a batch up."""
-
-    def __init__(self) -> None:
-        self.evaluations, self.seconds = 0, 0.0
-        self._last: tuple[int, int, float] | None = None
-
-    def count(self, total: int, now_s: float) -> None:
-        """So many evaluations are asked for by now, and those asked for before have been made.
-
-        Args:
-            total: evaluations since the count began; it begins anew where it falls.
-            now_s: on the clock, s.
-        """
-        before, requested, then_s = self._last or (0, 0, now_s)
-        self._last = (total, max(total - before, 0), now_s)
-        seconds = now_s - then_s
-        if self.evaluations >= ENOUGH:
-            seconds = min(seconds, DELAYED * self.seconds / self.evaluations * max(requested, 1))
-        self.evaluations += requested
-        self.seconds += seconds
 
 
 def _rounded(value: float) -> str:
