@@ -19,7 +19,7 @@ for the parabolas (geodesic acceleration).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -210,26 +210,27 @@ def _side_by_side(
     answers: dict[int, Answer] = {}
     requested: dict[int, Request] = {}
 
-    def go_on(k: int, resume: Callable[[], Request]) -> None:
+    def go_on(k: int, samples: list[Sample] | None, failure: Exhausted | None = None) -> None:
         try:
-            requested[k] = resume()
+            task = tasks[k]
+            requested[k] = task.send(samples) if failure is None else task.throw(failure)  # type: ignore[arg-type]
         except StopIteration as ended:
             answers[k] = ended.value
 
-    for k, task in enumerate(tasks):
-        go_on(k, task.__next__)
+    for k in range(len(tasks)):
+        go_on(k, None)
     while requested:
         requests, requested = requested, {}
         try:
             batches = evaluator(list(requests.values()))
-        except Exhausted:
+        except Exhausted as failure:
             for k in requests:
-                go_on(k, lambda task=tasks[k]: task.throw(Exhausted()))  # type: ignore[misc]
+                go_on(k, None, failure)
             continue
         for k, samples in zip(requests, batches, strict=True):
             if offsets:
                 samples = [Sample(s.x, s.rows - offsets[k], s.outputs) for s in samples]
-            go_on(k, lambda task=tasks[k], answer=samples: task.send(answer))  # type: ignore[misc]
+            go_on(k, samples)
     return [answers[k] for k in range(len(tasks))]
 
 

@@ -151,12 +151,8 @@ def shared(data: Dataset, residuals: FloatArray) -> FloatArray:
         data: whose rows they are.
         residuals: where U is asked for, shape (m,); zeros where the model fits exactly.
     """
-    columns = [
-        error * _along_scale(data, residuals, series)
-        for series, error in enumerate(data.scale_sigmas)
-        if error > 0.0
-    ]
-    return np.stack(columns, axis=1) if columns else np.empty((residuals.size, 0))
+    errors = {k: error for k, error in enumerate(data.scale_sigmas) if error > 0.0}
+    return _along_scales(data, residuals, errors)
 
 
 def _bounded(data: Dataset, point: Point) -> BoundedErrors:
@@ -168,12 +164,9 @@ def _bounded(data: Dataset, point: Point) -> BoundedErrors:
         share[place] = promised
     along = point.residuals + data.measured_rows  # dr/d ln amplitude, of rows that have a scale
     along = np.where(data.measured_rows == 0.0, 1.0 + np.abs(point.residuals), along)
-    columns = [
-        share * _along_scale(data, point.residuals, series)
-        for series, chi in enumerate(point.chis)
-        if chi != 1.0  # else nothing was simulated for it
-    ]
-    common = np.stack(columns, axis=1) if columns else np.empty((share.size, 0))
+    # where a scale is one nothing was simulated for it
+    simulated = {series: share for series, chi in enumerate(point.chis) if chi != 1.0}
+    common = _along_scales(data, point.residuals, simulated)
     return BoundedErrors(share * along, common)
 
 
@@ -186,17 +179,22 @@ def doubted(noise: RowNoise, data: Dataset, point: Point, doubts: Mapping[str, f
         point: where the rows were evaluated.
         doubts: |ln| of the factor by which the scale of a series may be off, at most, by its name.
     """
-    columns = [
-        doubts[name] * _along_scale(data, point.residuals, series)
-        for series, name in enumerate(data.series)
-        if doubts.get(name, 0.0) > 0.0
-    ]
-    if not columns:
+    errors = {k: doubts[n] for k, n in enumerate(data.series) if doubts.get(n, 0.0) > 0.0}
+    if not errors:
         return noise
-    return replace(noise, bounded=noise.bounded.with_scales(np.stack(columns, axis=1)))
+    columns = _along_scales(data, point.residuals, errors)
+    return replace(noise, bounded=noise.bounded.with_scales(columns))
 
 
-def _along_scale(data: Dataset, residuals: FloatArray, series: int) -> FloatArray:
-    """dr/d ln chi of one series: 1 + r for peaks, r + measured/maximum for points of a sweep."""
-    column = residuals + data.measured_rows
-    return np.asarray(np.where(data.series_of_rows == series, column, 0.0))
+def _along_scales(
+    data: Dataset, residuals: FloatArray, errors: Mapping[int, float | FloatArray]
+) -> FloatArray:
+    """Errors of ln chi as columns of the rows, (m, k), by the number of the series.
+
+    dr/d ln chi is 1 + r for peaks, r + measured/maximum for points of a sweep.
+    """
+    along = residuals + data.measured_rows
+    columns = np.empty((residuals.size, len(errors)))
+    for k, (series, error) in enumerate(errors.items()):
+        columns[:, k] = error * np.where(data.series_of_rows == series, along, 0.0)
+    return columns

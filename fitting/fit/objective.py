@@ -68,12 +68,11 @@ class Stencil:
         # an output may be infinite, as Q without damping is: NaN says that it has no slope there
         with np.errstate(invalid="ignore"):
             for axis, parts in enumerate(self.along):
-                quotients = [
-                    weight
-                    * difference(np.asarray(values[above]), np.asarray(values[below]))
-                    / (self.nodes[above][axis] - self.nodes[below][axis])
-                    for above, below, weight in parts
-                ]
+                quotients = []
+                for above, below, weight in parts:
+                    way = self.nodes[above][axis] - self.nodes[below][axis]
+                    rise = difference(np.asarray(values[above]), np.asarray(values[below]))
+                    quotients.append(weight * rise / way)
                 columns.append(sum(quotients[1:], quotients[0]))
         return np.stack(columns, axis=-1)
 
@@ -259,14 +258,14 @@ def weights(objective: Objective, nu: float, misfit: str) -> FloatArray:
 
 def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point:
     data, p = objective.data, to_model(objective.parameters, x)
-    pairs = zip(objective.parameters, p, strict=True)
-    free = [float(value) for parameter, value in pairs if parameter.role == "scale"]
+    free = [float(p[k]) for k, q in enumerate(objective.parameters) if q.role == "scale"]
     scales = data.scales(evaluation.predictions, free)
-    chi = {name: scale.value for name, scale in zip(data.series, scales, strict=True)}
+    by_series = dict(zip(data.series, scales, strict=True))
     rows, scaled = [], []
     for m, prediction in zip(data.measurements, evaluation.predictions, strict=True):
-        rows.append(m.residuals(prediction, chi[m.series]))
-        scaled.append(m.scaled(prediction, chi[m.series]))
+        chi = by_series[m.series].value
+        rows.append(m.residuals(prediction, chi))
+        scaled.append(m.scaled(prediction, chi))
         largest = float(np.max(np.abs(rows[-1]), initial=0.0))
         if largest > LARGEST:  # its square is no number
             series = f"{m.series}: " if m.series else ""

@@ -12,7 +12,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -100,11 +99,11 @@ class InferenceOptions(Limits):
     `others` are search vectors to begin at besides; `minima` those that a search of the bounds
     found, None where none was made: then one is made here. `alternatives` are points of other
     models that fit as well; `twins` the model's exact symmetries, looked for if None. Without
-    `data` the measurements are taken to be what the model gives at the solution. Synthetic data
-    sets are fitted anew through `executor` if there is one. `only` names the values that are
-    profiled (all, if empty). `structure` is that of the residuals of curves, by which their noise
-    was taken wider. `closer` is another form of a line that leaves far less of a sweep than the
-    model, `scale_off` the factor by which the scale of peaks may be off for the top of its sweep.
+    `data` the measurements are taken to be what the model gives at the solution. `only` names the
+    values that are profiled (all, if empty). `structure` is that of the residuals of curves, by
+    which their noise was taken wider. `closer` is another form of a line that leaves far less of a
+    sweep than the model, `scale_off` the factor by which the scale of peaks may be off for the top
+    of its sweep.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -114,7 +113,6 @@ class InferenceOptions(Limits):
     twins: Sequence[Twin] | None = None
     alternatives: tuple[Equivalent, ...] = ()
     data: bool = True
-    executor: Executor | None = None
     only: tuple[str, ...] = ()
     directions: bool = True
     structure: Structure | None = None
@@ -309,8 +307,8 @@ def _assemble(
     resampled = None
     if options.bootstrap > 1 and values:
         evaluator.begin(Stage.REFITS)
-        drawn = (options.bootstrap, options.seed, options.executor)
-        resampled = bootstrap_of(optimum, values, *drawn, options.progress)
+        drawn = (options.bootstrap, options.seed, options.progress)
+        resampled = bootstrap_of(optimum, values, *drawn)
     likelihood, data = optimum.likelihood, optimum.likelihood.objective.data
     parameters = likelihood.parameters
     here = canonical(parameters, to_model(parameters, optimum.expansion.x))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -150,18 +149,6 @@ def test_the_bootstrap_scatters_as_fisher_says(line: tuple[Optimum, Determined])
         low, high = found.values[name].ci95
         assert high - low == pytest.approx(2 * 1.96 * bound, rel=0.2)
     assert found.values["Q"].value == pytest.approx(125.0, rel=2e-3)
-
-
-@pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
-def test_any_executor_gives_the_same_bootstrap(
-    line: tuple[Optimum, Determined], pool: type
-) -> None:
-    optimum, knowledge = line
-    arguments = (optimum, knowledge.profiled, 40, 3)
-    here = bootstrap(*arguments)
-    with pool(2) as executor:
-        there = bootstrap(*arguments, executor)
-    assert there == here
 
 
 def test_nothing_is_resampled_that_the_data_do_not_determine(

@@ -423,9 +423,8 @@ def outlying_peaks(
         fits: rows, each over its own standard deviation, without what rows share.
     """
     lines = _lines(data)
-    scores = np.array(
-        [(fit.rows / np.sqrt(np.maximum(1.0 - fit.leverage, 0.05)))[list(lines)] for fit in fits]
-    )
+    scores = np.array([fit.rows / np.sqrt(np.maximum(1.0 - fit.leverage, 0.05)) for fit in fits])
+    scores = scores[:, list(lines)]
     if scores.shape[1] < 4:
         return
     wide = np.maximum(1.0, np.median(np.abs(scores), axis=1, keepdims=True) / 0.6745)
@@ -446,8 +445,8 @@ def _lines(data: Dataset) -> dict[int, tuple[str, float, bool]]:
     for m, rows in zip(data.measurements, data.slices, strict=True):
         if isinstance(m, Tones):
             peaks = [(e.label, float(f)) for e in m.experiments for f in e.read_hz]
-            both = [(*peak, is_phase) for is_phase in (False, True) for peak in peaks]
-            lines.update(zip(range(rows.start, rows.stop), both, strict=False))
+            for k in range(m.rows):  # phases follow all amplitudes
+                lines[rows.start + k] = (*peaks[k % len(peaks)], k >= len(peaks))
     return lines
 
 
@@ -504,11 +503,8 @@ def single_rows(solved: Solved) -> Iterator[Finding]:
     data, residuals = solved.problem.data, solved.solution.final.residuals
     sigma, lines = solved.solution.noise.sigma, _lines(data)
     for k in () if solved.adequacy is None else solved.adequacy.outliers:
-        [(m, at)] = [
-            (m, at)
-            for m, at in zip(data.measurements, data.slices, strict=True)
-            if at.start <= k < at.stop
-        ]
+        pairs = zip(data.measurements, data.slices, strict=True)
+        m, at = next((m, at) for m, at in pairs if at.start <= k < at.stop)
         numbers = {"sigmas": float(-residuals[k] / sigma[k])}
         curves = m.residual_curves(residuals[at])
         curve = next((c for c in curves if k - at.start in c.rows), None)
@@ -614,10 +610,9 @@ def check_exchanged_peaks(solved: Solved) -> Iterator[Finding]:
         mine = np.array([next(rows) for _ in e.read_hz])
         for i, k in itertools.combinations(range(len(e.read_hz)), 2):
             model, sigma = mine[[i, k]].T
-            as_is, swapped = (
-                float(np.sum(((model - measured) / (measured * sigma)) ** 2))
-                for measured in (e.peaks_v[[i, k]], e.peaks_v[[k, i]])
-            )
+            one, other = e.peaks_v[[i, k]], e.peaks_v[[k, i]]
+            as_is = float(np.sum(((model - one) / (one * sigma)) ** 2))
+            swapped = float(np.sum(((model - other) / (other * sigma)) ** 2))
             if as_is > SWAPPED_BEYOND and swapped < SWAPPED_SHARE * as_is:
                 one_hz, other_hz = float(e.read_hz[i]), float(e.read_hz[k])
                 yield warning(Kind.peaks_exchanged, e.label, one_hz=one_hz, other_hz=other_hz)
@@ -637,24 +632,17 @@ def exchanged_drift(solved: Solved) -> Iterator[Finding]:
         ends = bound.drift.ends
         if not any(before != after for before, after in ends.values()):
             continue
-        reversed_tones = tuple(
-            replace(
-                m,
-                experiments=tuple(
-                    replace(
-                        e,
-                        settings={
-                            key: sum(ends[key]) - float(value) if key in ends else value
-                            for key, value in e.settings.items()
-                        },
-                    )
-                    for e in m.experiments
-                ),
-            )
-            if isinstance(m, Tones) and m.series == name
-            else m
-            for m in objective.data.measurements
-        )
+        measurements = list(objective.data.measurements)
+        for k, m in enumerate(measurements):
+            if isinstance(m, Tones) and m.series == name:
+                experiments = []
+                for e in m.experiments:
+                    settings = dict(e.settings)
+                    for key in settings.keys() & ends.keys():
+                        settings[key] = sum(ends[key]) - float(settings[key])
+                    experiments.append(replace(e, settings=settings))
+                measurements[k] = replace(m, experiments=tuple(experiments))
+        reversed_tones = tuple(measurements)
         other = replace(
             objective,
             response=response.answering(reversed_tones),
