@@ -137,7 +137,7 @@ class Likelihood:
         dataset = self.objective.data
         for m, at in zip(dataset.measurements, dataset.slices, strict=True):
             if self.by_shares and m.line_width_hz is not None:
-                for curve in m.residual_curves(point.residuals[at]):
+                for curve in filter(lambda c: c.model.size, m.residual_curves(point.residuals[at])):
                     shares = curve.power_shares / SHARE
                     data[at][curve.rows] = 0.0  # complex values have two rows and one share
                     data[at][curve.rows[: shares.size]] = shares

@@ -11,6 +11,8 @@
     correlated where P < UNLIKELY already (`correlated_below`).
     Of few (below SURE) the test of (a) misses what is wrong: there chi^2/freedom > RATIO wants
     residuals that look uncorrelated (P >= DOUBTFUL), else the model does not describe the data.
+    Noise is hardly ever stated so wrongly as chi^2/freedom > BEYOND says: there both are wanted,
+    SURE degrees of freedom and residuals that look uncorrelated.
 (c) Fewer degrees of freedom, or no axis: structure cannot be tested. P(chi^2) < IMPROBABLE and
     chi^2/freedom > RATIO: the model does not describe the data; between, as (b).
 
@@ -40,6 +42,9 @@ IMPROBABLE = 1e-4
 #: Chi square over its degrees of freedom from which the noise was stated too small, and from which
 #: a model fails whose residuals cannot be tested for structure.
 NOTICED, RATIO = 2.0, 4.0
+#: Chi square over its degrees of freedom from which it is rather the model that fails: noise stated
+#: twenty times too small.
+BEYOND = 400.0
 #: Degrees of freedom from which structure can be tested.
 TESTABLE = 20.0
 #: Degrees of freedom from which the test for structure misses little, and its probability below
@@ -128,7 +133,8 @@ def misfit_of(
         return Misfit.NONE
     ratio = chi_square / freedom
     tested = freedom >= TESTABLE and not math.isnan(correlated_p)
-    white = tested and (freedom >= SURE or correlated_p >= DOUBTFUL)
+    signs = (freedom >= SURE, correlated_p >= DOUBTFUL)
+    white = tested and (all(signs) if ratio > BEYOND else any(signs))
     if ratio > RATIO and not white:
         return Misfit.REFUSED
     return Misfit.UNDERESTIMATED if ratio > NOTICED else Misfit.NONE

@@ -12,8 +12,15 @@ import pytest
 from fitting.campaign import Experiment
 from fitting.fit.fit import Fit, Status, with_path
 from fitting.inference.agreement import contradicted, pair_findings
+from fitting.inference.checks.solutions import residual_findings
 from fitting.inference.infer import Inference
-from fitting.inference.likelihood.knowledge import JointResult, PairTest, SeriesPart, ValueAlone
+from fitting.inference.likelihood.knowledge import (
+    Adequacy,
+    JointResult,
+    PairTest,
+    SeriesPart,
+    ValueAlone,
+)
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.noise.record import NoiseRecord
 from fitting.measurements.noise.spectra import NoiseSpectra
@@ -118,6 +125,8 @@ class SweepOfPieces(Sweep):
                 rows=mine,
                 share=whole.share[mine],
                 axis=whole.axis[mine],
+                model=whole.model[mine],
+                measured=whole.measured[mine],
                 columns={kind: column[mine] for kind, column in whole.columns.items()},
                 name=f"piece {k}",
             )
@@ -152,6 +161,24 @@ def test_noise_that_was_stated_too_small_is_told_with_its_factor(times: float) -
         value = found.parameters[name]
         assert value.std == pytest.approx(right.parameters[name].std, rel=0.15)
         assert abs(value.value - truth) < 4.0 * value.std
+
+
+def test_beside_a_correlated_curve_larger_residuals_are_not_called_noise() -> None:
+    """What is wrong on the one curve may be so on the other: two sentences would contradict."""
+    rule = Adequacy(
+        chi_square=3000.0,
+        freedom=130.0,
+        p_value=0.0,
+        describes=True,
+        noise_factor=6.0,
+        correlated_p=1e-9,
+        share=0.02,
+    )
+    found = {f.kind: f.numbers for f in residual_findings(rule, ("one", "other"), 11.0)}
+    assert found.keys() == {Kind.correlated_residuals, Kind.excess_residuals}
+    assert found[Kind.excess_residuals] == {"inflation": 6.0}
+    [alone] = residual_findings(replace(rule, correlated_p=0.5), ("one", "other"), 1.0)
+    assert alone.kind is Kind.noise_underestimated
 
 
 def test_of_few_points_a_large_chi_square_leaves_no_value() -> None:

@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 
 from fitting.measurements.residual_curve import ResidualCurve
+from fitting.text.arrays import FloatArray
 
 
 def test_shares_of_power_are_those_of_two_lorentzians() -> None:
     """The power of a line up to f is 1/2 + arctan(2 (f - f0)/width)/pi of all of it."""
     f, width = np.linspace(-4000.0, 4000.0, 160_001), 1.0
-    there, here = (1.0 / (1.0 + 2j * (f - at) / width) for at in (30.0, -20.0))
+    there, here = (
+        np.asarray(1.0 / (1.0 + 2j * (f - at) / width), dtype=complex) for at in (30.0, -20.0)
+    )
     curve = ResidualCurve(
-        rows=np.arange(f.size), share=np.ones(f.size), axis=f, model=3.0j * here, measured=there
+        rows=np.arange(f.size),
+        share=np.ones(f.size),
+        axis=f,
+        model=np.asarray(3.0j * here),
+        measured=there,
     )
     exact = np.arctan(2.0 * (f + 20.0) / width) - np.arctan(2.0 * (f - 30.0) / width)
     assert curve.power_shares == pytest.approx(exact / np.pi, abs=2e-2)
@@ -23,8 +30,8 @@ def test_shares_of_power_are_those_of_two_lorentzians() -> None:
 def test_lines_further_apart_differ_more_in_shares_though_not_in_rows() -> None:
     f, width = np.linspace(990.0, 1010.0, 401), 0.1
 
-    def of_line(at: float) -> np.ndarray:
-        return np.abs(1.0 / (1.0 + 2j * (f - at) / width))
+    def of_line(at: float) -> FloatArray:
+        return np.asarray(np.abs(1.0 / (1.0 + 2j * (f - at) / width)))
 
     def distances(at: float) -> tuple[float, float]:
         curve = ResidualCurve(

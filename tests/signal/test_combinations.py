@@ -138,7 +138,7 @@ def test_a_campaign_reads_its_lines(tmp_path: Path) -> None:
     (experiment,) = read_campaign(path).experiments
     assert experiment.tones_hz == (1000.1, 1000.3)
     assert experiment.lines_hz == (1000.1, 999.9)
-    assert read_campaign_file(path).driven.highest_order == 9
+    assert read_campaign_file(path).driven.lines_and_order[1] == 9
     (tmp_path / "experiments.csv").write_text(table + "a,1000,2000,3,1\n")
     with pytest.raises(BadInput, match=r"row 2: 2\*u1 - u2"):
         read_campaign(path)

@@ -74,6 +74,9 @@ def test_a_part_that_is_off_alone_is_no_noise(size: int, off: int) -> None:
         (20, 9.0, 0.01, Misfit.REFUSED),
         (20, 9.0, math.nan, Misfit.REFUSED),
         (100, 100.0, 0.01, Misfit.UNDERESTIMATED),
+        (100, 500.0, 0.5, Misfit.UNDERESTIMATED),
+        (100, 500.0, 0.01, Misfit.REFUSED),  # so large is hardly noise
+        (30, 500.0, 0.5, Misfit.REFUSED),
         (100, 1.9, 0.5, Misfit.NONE),
         (1000, 1.5, 0.5, Misfit.NONE),
     ],

@@ -218,9 +218,12 @@ def residual_findings(
         finding = warning if widening > NOTABLE else note
         kind = Kind.correlated_residuals
         findings.append(finding(kind, subject, None, **numbers, widening=widening))
-    if adequacy.noise_factor > 1.0 and adequacy.converged:  # else residuals are not noise alone
+    factor = adequacy.noise_factor
+    if factor > 1.0 and adequacy.is_correlated:  # on another curve: what is wrong may be so here
+        findings.append(warning(Kind.excess_residuals, EVERYTHING, inflation=factor))
+    elif factor > 1.0 and adequacy.converged:  # else residuals are not noise alone
         kind, subject = Kind.noise_underestimated, subject_of(series)
-        findings.append(warning(kind, subject, None, **numbers, factor=adequacy.noise_factor))
+        findings.append(warning(kind, subject, None, **numbers, factor=factor))
     return tuple(findings)
 
 
