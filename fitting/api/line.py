@@ -18,15 +18,21 @@ from fitting.api.printed import HtmlText, written
 from fitting.lines import line as sweeps
 from fitting.lines import noise_spectrum as spectra
 from fitting.lines import ringdown as decays
-from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.line import line_of
 from fitting.lines.names import FANO, OFFSET, form_of_terms
-from fitting.lines.noise_spectrum import noise_line_of, noise_record_of
+from fitting.lines.noise_spectrum import noise_line_of
 from fitting.lines.record import LineNumber, MeasuredLine, fields_of
 from fitting.lines.ringdown import ringdown_of
-from fitting.lines.trace import Trace, trace_of
+from fitting.lines.trace import (
+    AMPLITUDES,
+    PHASORS,
+    Trace,
+    decay_record_of,
+    noise_record_of,
+    trace_of,
+)
 from fitting.report.resonance import report, text
-from fitting.resonance.decay_reading import decay_record_of, is_over_time, read_decay_of
+from fitting.resonance.decay_reading import is_over_time, read_decay_of
 from fitting.resonance.noise_reading import is_noise_spectrum, read_noise_of
 from fitting.resonance.reading import Columns as Columns
 from fitting.resonance.reading import read_trace_of

@@ -32,13 +32,12 @@ from fitting.draft.traces import OUTPUT, Recording, TraceFile, described, in_uni
 from fitting.extension.fmu import Run
 from fitting.extension.records import Channel, Pulse, TraceRecord
 from fitting.lines.decay_begin import decay_start as first_of_decay
-from fitting.lines.decay_record import AMPLITUDES, PHASORS, SAMPLES, DecayRecord
 from fitting.lines.ringdown import Ringdown
 from fitting.lines.ringdown import ringdown_of as lines_of
+from fitting.lines.trace import AMPLITUDES, PHASORS, SAMPLES, DecayRecord, decay_record_of
 from fitting.measurements.traces.record import STATES_OF_ONE, UNKNOWN
 from fitting.measurements.traces.time_record import FOUND
 from fitting.resonance.decay_reading import (
-    decay_record_of,
     decay_roles_of,
     is_over_time,
     read_decay_of,

@@ -27,8 +27,7 @@ from fitting.draft.two_modes import SEPARATE, TwoModes, two_modes_of
 from fitting.extension.records import PLAIN
 from fitting.lines.excluded import spike_note, spikes_in
 from fitting.lines.line import Line, line_of
-from fitting.lines.noise_model import COUPLED, TOGETHER
-from fitting.lines.noise_spectrum import NoiseFit, noise_lines
+from fitting.lines.noise_spectrum import COUPLED, TOGETHER, NoiseFit, noise_lines
 from fitting.lines.record import LineResult, line_numbers
 from fitting.lines.several import TwoLines, TwoResonances, as_two
 from fitting.resonance.control_map import ControlMap

@@ -22,8 +22,7 @@ from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.inference.agreement import SweepAgreement, explained_by_model, sweep_agreement
 from fitting.lines.choice import chance
-from fitting.lines.decay_model import Decays, fit_decays
-from fitting.lines.decay_record import SAMPLES
+from fitting.lines.decay import Decays, fit_decays
 from fitting.lines.faults import Fault, fault_finding, sweep_faults
 from fitting.lines.form import LineFit, fit_resonance
 from fitting.lines.names import ADDED, FLOOR, OFFSET, RICE, SLOPE
@@ -37,6 +36,7 @@ from fitting.lines.record import (
     number_of_line,
 )
 from fitting.lines.solve import Fit
+from fitting.lines.trace import SAMPLES
 from fitting.measurements.measurement import Values
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.traces.record import TraceRecord

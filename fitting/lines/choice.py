@@ -23,18 +23,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.special import fdtrc
 
 from fitting.lines.form import LineFit
-from fitting.lines.record import LineNumber, TriedForm
+from fitting.lines.record import FormFit, LineNumber
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure
 from fitting.signal.student import ratio95
 from fitting.text.arrays import FloatArray
 
+#: Probability of noise alone up to which a line, or a decay, is there, and below which noise does
+#: not explain what a larger model gains.
+PRESENT_P, BY_CHANCE = 1e-3, 1e-4
+#: Akaike's criterion by which what was not expected has to be better.
+PLAINLY = 10.0
 #: Criterion within which a simpler model is taken, and within which models count as equal.
 SIMPLER, EQUAL = 6.0, 4.0
 #: Squares over those of the taken model from which another one is not its equal, whatever c.
@@ -45,27 +50,7 @@ DETERMINED = 0.2
 DOUBT = {"single": 2.0}
 
 
-class Described(Protocol):
-    """A model as it is compared with others."""
-
-    @property
-    def name(self) -> str:
-        """Of its form."""
-
-    @property
-    def unknowns(self) -> int:
-        """Real numbers that were fitted."""
-
-    @property
-    def likely_squares(self) -> float:
-        """Squares of residuals with which normal noise of one size is as likely."""
-
-    @property
-    def structure(self) -> Structure:
-        """What the order of the residuals shows."""
-
-
-def criteria_of(fits: Sequence[Described], rows: int) -> FloatArray:
+def criteria_of(fits: Sequence[FormFit], rows: int) -> FloatArray:
     """Akaike's criterion of every model over the lowest one; NaN where there are too few points.
 
     Args:
@@ -83,7 +68,7 @@ def criteria_of(fits: Sequence[Described], rows: int) -> FloatArray:
     return np.array(made) - np.nanmin(made) if not np.all(np.isnan(made)) else np.array(made)
 
 
-def order_of(fits: Sequence[Described], criteria: FloatArray) -> list[int]:
+def order_of(fits: Sequence[FormFit], criteria: FloatArray) -> list[int]:
     """Numbers of the models, the one that is taken first, the others by their criterion.
 
     Args:
@@ -137,24 +122,7 @@ def gain_p(before: float, after: float, more: float, dof: float) -> float:
     return float(fdtrc(more, dof, max(0.0, (before - after) / more * dof / after)))
 
 
-@dataclass(frozen=True)
-class Spread:
-    """A model with errors that include its rivals.
-
-    Attributes:
-        fit: the model that is taken.
-        rivals: other models that describe the values nearly as well, which the errors include.
-        factor: on the errors for them, on frequency or width.
-        forms: every model that was tried, the one that is taken first.
-    """
-
-    fit: LineFit
-    rivals: tuple[str, ...] = ()
-    factor: float = 1.0
-    forms: tuple[TriedForm, ...] = ()
-
-
-def with_rivals(fits: Sequence[LineFit], criteria: FloatArray, taken: int) -> Spread:
+def with_rivals(fits: Sequence[LineFit], criteria: FloatArray, taken: int) -> LineFit:
     """The model that is taken, with the errors of all that describe the values as well.
 
     Args:
@@ -164,8 +132,8 @@ def with_rivals(fits: Sequence[LineFit], criteria: FloatArray, taken: int) -> Sp
     """
     best = fits[taken]
     if np.isnan(criteria[taken]):
-        return Spread(best)
-    # what has the taken model as a special case and is no better says nothing against it
+        return best
+    # what has the taken model as a special case and is no better contradicts nothing
     near = [
         fit
         for k, fit in enumerate(fits)
@@ -177,13 +145,22 @@ def with_rivals(fits: Sequence[LineFit], criteria: FloatArray, taken: int) -> Sp
         and not (best.form.pull and fit.form.background)  # a slope is about what a tail is
     ]
     widened: dict[str, Any] = {
-        name: wider(number, [_nearest(fit, name, number.value) for fit in near], best.dof)
-        for name in ("frequency", "width", "q", "amplitude")
-        for number in [getattr(best, name)]
+        name: wider(getattr(best, name), [getattr(fit, name) for fit in near], best.dof)
+        for name in ("frequency", "width", "q")
     }
-    fit = replace(best, **widened)
+    # of two amplitudes with the same curve the one nearer to that of the model that is taken
+    size = best.amplitude.value
+    heights = [
+        min(
+            (height for height in (fit.amplitude, fit.mirrored) if height is not None),
+            key=lambda height: abs(height.value - size),
+        )
+        for fit in near
+    ]
+    fit = replace(best, **widened, amplitude=wider(best.amplitude, heights, best.dof))
     factor = max(fit.frequency.std / best.frequency.std, fit.width.std / best.width.std)
-    return Spread(fit, tuple(dict.fromkeys(fit.name for fit in near)), factor)
+    names = tuple(dict.fromkeys(fit.name for fit in near))
+    return replace(fit, rivals=names, rivals_widening=factor)
 
 
 def wider(number: LineNumber, others: Sequence[LineNumber], dof: float) -> LineNumber:
@@ -197,11 +174,3 @@ def wider(number: LineNumber, others: Sequence[LineNumber], dof: float) -> LineN
     half, value = ratio95(dof), number.value
     std = max([number.std, *(each.std + abs(each.value - value) / half for each in others)])
     return replace(number, std=std, ci95=(value - half * std, value + half * std))
-
-
-def _nearest(fit: LineFit, name: str, value: float) -> LineNumber:
-    """A number of a model; of two amplitudes with the same curve the one nearer to a value."""
-    number: LineNumber = getattr(fit, name)
-    if name != "amplitude" or fit.mirrored is None:
-        return number
-    return min((number, fit.mirrored), key=lambda each: abs(each.value - value))

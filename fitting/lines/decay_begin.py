@@ -29,8 +29,8 @@ from scipy.fft import next_fast_len
 from scipy.linalg import lstsq
 from scipy.sparse.linalg import LinearOperator, svds
 
-from fitting.lines.choice import gain_p
-from fitting.lines.decay_record import AMPLITUDES, PHASORS
+from fitting.lines.choice import BY_CHANCE, gain_p
+from fitting.lines.trace import AMPLITUDES, PHASORS
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import ComplexArray, FloatArray
 
@@ -63,8 +63,6 @@ WIDTHS = np.linspace(-2.0, 4.0, 61)
 SMOOTH = 9
 #: Unknowns of a begin, width, height and constant.
 UNKNOWNS = 4
-#: Probability below which chance does not explain what a begin gains.
-IMPROBABLE = 1e-4
 
 
 def decay_start(values: FloatArray, states: int) -> int | None:
@@ -196,7 +194,7 @@ def begin_of(values: FloatArray | ComplexArray, kind: str, lines: int = 1) -> in
 
     Args:
         values: of the record, (n,), evenly sampled.
-        kind: what was recorded, see `fitting.lines.decay_record`.
+        kind: what was recorded, see `fitting.lines.trace.KINDS`.
         lines: that decay.
     """
     every = -(-values.size // MOST)
@@ -226,7 +224,7 @@ def held_samples(amplitudes: FloatArray) -> int:
     if dof < 1 or squares[best] <= count * SMALLEST_RESIDUAL**2:
         return 0
     chance = count * gain_p(squares[0], squares[best], 1, dof)
-    return (best + 1) * each if best > 0 and chance < IMPROBABLE else 0
+    return (best + 1) * each if best > 0 and chance < BY_CHANCE else 0
 
 
 def _least(y: FloatArray, scatter: FloatArray, begin: int) -> float:

@@ -4,8 +4,8 @@
 
 eta and w are those of small amplitudes; b, in half widths, is how far the top is shifted, so that
 the amplitude is largest at eta + b w/2. Beyond |b| = 8/(3 sqrt 3) = 1.54 three amplitudes are
-possible between two frequencies, and a sweep jumps: one that rises follows the branch that begins
-below the line, the least y, one that falls that of the greatest y.
+possible between two frequencies, and a sweep jumps: one that rises follows the branch that starts
+below the line, the least y.
 
 Source: L. Landau and E. Lifshitz, Mechanics, section 29; R. Lifshitz and M. Cross, Reviews of
 Nonlinear Dynamics and Complexity 1 (2008) 1, for the slow amplitude.
@@ -26,20 +26,17 @@ CRITICAL = 8.0 / (3.0 * math.sqrt(3.0))
 STEEPEST = 1e-3
 
 
-def duffing(
-    frequency_hz: FloatArray, eta_hz: float, width_hz: float, bend: float, *, rising: bool = True
-) -> Response:
-    """h with its derivatives by eta (1/Hz), by the logarithm of the width and by the bend.
+def duffing(frequency_hz: FloatArray, eta_hz: float, width_hz: float, bend: float) -> Response:
+    """h of a rising sweep, with its derivatives by eta (1/Hz), by log width and by the bend.
 
     Args:
         frequency_hz: frequencies (n,), Hz.
         eta_hz: eigenfrequency of small amplitudes, Hz.
         width_hz: FWHM of small amplitudes, Hz.
         bend: b, shift of the top in half widths.
-        rising: whether the frequency rose during the sweep.
     """
     x = 2.0 * (frequency_hz - eta_hz) / width_hz
-    y = _least_root(x, bend) if rising else -_least_root(-x, -bend)
+    y = _least_root(x, bend)
     size = 1.0 / (1.0 + y * y)
     h = np.asarray(-1j / (1.0 + 1j * y), dtype=complex)
     # dx/dy of x = y + b s; beyond a fold nothing is on this branch

@@ -1,14 +1,14 @@
-"""Points of a sweep that say nothing of its line, and lines that its other points show.
+"""Points of a sweep that are excluded from its line, and lines that its other points show.
 
 A line that is a third of the distance of the points wide, or wider, is seen in the neighbours of
 its top, too. A point is none of a line where it stands off the straight line through its six
-neighbours by `BESIDE` times as much as each of these does, by as many times the noise, and by
+neighbours by `OFF` times as much as each of these does, by as many times the noise, and by
 `LEAST` of what they make likely, which noise that grows with the amplitude is not: an overload, a
 lost reading, or a line so narrow that these points cannot tell of it. A flat top is made by an
 instrument at its limit.
 
 Points outside of a range that was chosen show lines whose tails may be in it: a top that is above
-the lowest point between it and the end of the range by `STANDS_OUT` times the noise, which second
+the lowest point between it and the end of the range by `OUTSTANDING` times the noise, which second
 differences tell, and by a share of the largest point.
 """
 
@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,11 +25,11 @@ import numpy as np
 from fitting.lines.choice import criteria_of, order_of
 from fitting.lines.faults import CLIPPED_POINTS
 from fitting.lines.form import AMPLITUDE_FORMS, LineFit, fit_form
+from fitting.lines.lorentzian import mode_response
 from fitting.lines.names import MIN_SWEEP_POINTS
-from fitting.lines.poles import complex_line, extent
-from fitting.lines.starts import point_noise
+from fitting.lines.starts import complex_line, extent, point_noise
+from fitting.lines.sweep_model import Place
 from fitting.lines.trace import Trace
-from fitting.signal.peaks import mode_response
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
@@ -37,7 +37,7 @@ from fitting.text.finding import Finding, Kind, note
 #: Neighbours on each side that tell where a point ought to be.
 REACH = 3
 #: Times their own distances, and the noise, that a point stands off.
-BESIDE = 10.0
+OFF = 10.0
 #: Share of what is likely there by which it does.
 LEAST = 0.5
 #: Most such points, and share of all; more of them are no single ones.
@@ -59,33 +59,24 @@ def single_points(
     if f.size < MIN_SWEEP_POINTS + MOST:
         return ()
     parts = [np.asarray(part, dtype=float) for part in (y.real, y.imag)][: 1 + np.iscomplexobj(y)]
-    noise = max(max(point_noise(part), _digit(part)) for part in parts)
-    found = tuple(_off(f, y, noise))
-    return found if len(found) <= max(MOST, SHARE * f.size) else ()
-
-
-def _off(
-    f: FloatArray, y: FloatArray | ComplexArray, noise: float
-) -> Iterator[tuple[int, complex]]:
+    noise = 0.0  # or the last digit of an instrument, as the smallest of all steps shows it
+    for part in parts:
+        steps = np.diff(np.unique(part))
+        noise = max(noise, point_noise(part), float(np.min(steps)) if steps.size else 0.0)
     share = (f[1:-1] - f[:-2]) / (f[2:] - f[:-2])
     between = (1.0 - share) * y[:-2] + share * y[2:]
+    points = []
     # as far off its two neighbours, but for their own distance from the line of all six
-    doubtful = np.flatnonzero(np.abs(y[1:-1] - between) > (BESIDE - 1.0) * noise)
-    for k in (1 + int(each) for each in doubtful):
-        first = min(max(0, k - REACH), f.size - 2 * REACH - 1)
-        beside = np.delete(np.arange(first, first + 2 * REACH + 1), k - first)
-        x = f[beside] - f[k]
+    for k in 1 + np.flatnonzero(np.abs(y[1:-1] - between) > (OFF - 1.0) * noise):
+        first = min(max(0, int(k) - REACH), f.size - 2 * REACH - 1)
+        near = np.delete(np.arange(first, first + 2 * REACH + 1), k - first)
+        x = f[near] - f[k]
         columns = np.stack([np.ones_like(x), x / np.max(np.abs(x))], axis=1)
-        line = np.linalg.lstsq(columns, y[beside], rcond=None)[0]
-        scatter = float(np.max(np.abs(columns @ line - y[beside])))
-        if abs(y[k] - line[0]) > max(BESIDE * scatter, BESIDE * noise, LEAST * abs(line[0])):
-            yield k, complex(line[0])
-
-
-def _digit(numbers: FloatArray) -> float:
-    """The last digit of an instrument, as the smallest of all steps shows it."""
-    steps = np.diff(np.unique(numbers))
-    return float(np.min(steps)) if steps.size else 0.0
+        line = np.linalg.lstsq(columns, y[near], rcond=None)[0]
+        scatter = float(np.max(np.abs(columns @ line - y[near])))
+        if abs(y[k] - line[0]) > max(OFF * scatter, OFF * noise, LEAST * abs(line[0])):
+            points.append((int(k), complex(line[0])))
+    return tuple(points) if len(points) <= max(MOST, SHARE * f.size) else ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,9 +163,9 @@ def clipped_top(amplitude: FloatArray) -> BoolArray:
     """Points of a sweep that are cut off at a limit, or may be by noise; none where none are.
 
     Three or more of the largest are equal side by side, and their neighbours are lower by many
-    steps of the scale. What lies between points at the limit, and beside them within three standard
-    deviations of it, belongs to them: noise decides there which are cut off, and those that are
-    left would be the low ones.
+    steps of the scale. What lies between points at the limit, and next to them within three
+    standard deviations of it, belongs to them: noise decides there which are cut off, and those
+    that are left would be the low ones.
 
     Args:
         amplitude: over rising frequencies, shape (n,), any unit.
@@ -188,10 +179,10 @@ def clipped_top(amplitude: FloatArray) -> BoolArray:
         return none
     at = np.flatnonzero(flat)
     first, last = int(at[0]), int(at[-1])
-    beside = [amplitude[k] for k in (first - 1, last + 1) if 0 <= k < amplitude.size]
+    near = [amplitude[k] for k in (first - 1, last + 1) if 0 <= k < amplitude.size]
     step, noise = float(np.min(np.diff(levels))), point_noise(amplitude[~flat])
     # noise that is larger than steps of the scale makes no equal points
-    if not beside or (limit - max(beside) < JUMP * step and not step < FINE * noise):
+    if not near or (limit - max(near) < JUMP * step and not step < FINE * noise):
         return none
     close = limit - CLOSE * noise
     while first > 0 and amplitude[first - 1] > close:
@@ -329,7 +320,7 @@ def without_clipped(trace: Trace) -> tuple[Trace, Clipped | None]:
     # of complex values noise does not decide alone which points are at the limit of either part
     flat = cut if trace.is_complex else trace.amplitude >= limit * (1.0 - 1e-12)
     plain = None if trace.is_complex else plain_line(trace.frequency_hz, trace.amplitude)
-    found = Clipped(
+    top = Clipped(
         limit=limit,
         count=int(np.sum(flat)),
         beside=int(np.sum(cut & ~flat)),
@@ -341,59 +332,52 @@ def without_clipped(trace: Trace) -> tuple[Trace, Clipped | None]:
         Kind.top_excluded,
         "",
         {"unit": (trace.unit,), "parts": ("X", "Y") if trace.is_complex else ()},
-        size=found.limit,
-        count=found.count,
-        near=found.beside,
-        low_hz=found.low_hz,
-        high_hz=found.high_hz,
-        width_hz=found.width_hz,
+        size=top.limit,
+        count=top.count,
+        near=top.beside,
+        low_hz=top.low_hz,
+        high_hz=top.high_hz,
+        width_hz=top.width_hz,
     )
     whole = trace.whole
     if whole is not None:
         whole = whole.points(~np.isin(whole.frequency_hz, trace.frequency_hz[cut]))
     rest = replace(trace, whole=whole).points(~cut)
-    return replace(rest, reading=(*trace.reading, excluded)), found
+    return replace(rest, reading=(*trace.reading, excluded)), top
 
 
 #: Noise, and share of the largest point, by which another line stands out.
-STANDS_OUT, LEAST_SHARE = 10.0, 0.03
+OUTSTANDING, LEAST_SHARE = 10.0, 0.03
 #: Rise over that of the highest one from which a nearer top is a line.
 NEAREST_SHARE = 0.3
 
 
-@dataclass(frozen=True)
-class FurtherLine:
-    """A line outside of the range: its top and full width as the points there show it, Hz."""
-
-    frequency_hz: float
-    width_hz: float
-
-
-def further_lines(trace: Trace) -> tuple[FurtherLine, ...]:
+def further_lines(trace: Trace) -> tuple[Place, ...]:
     """Lines that points outside of the range show, the highest below it and above it.
 
     Args:
         trace: the range, and the trace of which it is a part.
+
+    Returns:
+        Frequency of the top and FWHM as the points there show it, Hz.
     """
     if trace.whole is None:
         return ()
     f, a = trace.whole.frequency_hz, trace.whole.amplitude
     first, last = (int(np.searchsorted(f, end)) for end in trace.frequency_hz[[0, -1]])
-    least = max(STANDS_OUT * point_noise(a), LEAST_SHARE * float(np.max(a)))
-    found = []
+    least = max(OUTSTANDING * point_noise(a), LEAST_SHARE * float(np.max(a)))
+    places = []
     for there in (np.arange(first, -1, -1), np.arange(last, f.size)):  # outwards
-        rises = a[there] - np.minimum.accumulate(a[there])
-        if np.max(rises) > least:
-            other = int(there[_nearest_top(a[there], rises, least)])
-            width = extent(f, a >= math.sqrt(0.5) * a[other], other)
-            found.append(FurtherLine(float(f[other]), width))
-    return tuple(found)
-
-
-def _nearest_top(a: FloatArray, rises: FloatArray, least: float) -> int:
-    """The first top that rises by a share of the highest one, up to where it has fallen as far."""
-    enough = max(least, NEAREST_SHARE * float(np.max(rises)))
-    begin = int(np.argmax(rises >= enough))
-    fallen = np.maximum.accumulate(a[begin:]) - a[begin:] >= enough
-    end = begin + int(np.argmax(fallen)) if np.any(fallen) else a.size
-    return begin + int(np.argmax(a[begin:end]))
+        sizes = a[there]
+        rises = sizes - np.minimum.accumulate(sizes)
+        if not np.max(rises) > least:
+            continue
+        # the first top that rises by a share of the highest one, up to where it has fallen as far
+        enough = max(least, NEAREST_SHARE * float(np.max(rises)))
+        low = int(np.argmax(rises >= enough))
+        fallen = np.maximum.accumulate(sizes[low:]) - sizes[low:] >= enough
+        end = low + int(np.argmax(fallen)) if np.any(fallen) else sizes.size
+        top = int(there[low + int(np.argmax(sizes[low:end]))])
+        width = extent(f, a >= math.sqrt(0.5) * a[top], top)
+        places.append(Place(float(f[top]), width))
+    return tuple(places)

@@ -19,34 +19,29 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from fitting.lines.choice import gain_p
+from fitting.lines.choice import BY_CHANCE, gain_p
+from fitting.lines.form import WIDEST
+from fitting.lines.lorentzian import mode_response
 from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.lines.solve import Columns, Fit, fit_model
 from fitting.lines.starts import amplitude_starts
 from fitting.lines.sweep_model import AmplitudeSweep, Place, Shapes
-from fitting.signal.peaks import mode_response
-from fitting.signal.residual_tests import STRUCTURED, white_noise_p
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, STRUCTURED, white_noise_p
 from fitting.text.arrays import FloatArray
 from fitting.text.finding import Finding, Kind
 
-#: A fault is listed where noise alone would look as bad less often than this.
-LISTED_P = 1e-4
 #: Equal largest points that noise does not make.
 CLIPPED_POINTS = 3
 #: Widths between two lines, and of the second over the first, from which these are fitted.
 APART, LIKE = (-6.0, -2.0, -0.6, 0.6, 2.0, 6.0), (1.0, 6.0, 0.15)
 #: Width of the second line over the first at least: one point off is no second line.
 NARROWEST = 0.125
-#: Residuals below this share of the top are rounding: nothing can be wrong.
-ROUNDING = 1e-6
 #: Largest logarithm of a power.
 MOST_POWER = 5.0
-#: Spans that a width may have at most.
-WIDEST = 3.0
 
 
 class Fault(Enum):
@@ -113,12 +108,8 @@ def fault_finding(fault: SweepFault, subject: str = "", *, gives_scale: bool = F
     return Finding(kind=kind, severity="warning", subject=subject, numbers=numbers)
 
 
-class Bent(NamedTuple):
-    """What a fault makes of the sizes u of a line, with its derivatives by u and by its number."""
-
-    values: FloatArray
-    by_size: FloatArray
-    by_number: FloatArray
+#: What a fault makes of the sizes u of a line, with its derivatives by u and by its number, (n,).
+Bent: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -140,17 +131,17 @@ def _power(u: FloatArray, x: float) -> Bent:
     k = math.exp(min(x, MOST_POWER))
     safe = np.maximum(u, np.finfo(float).tiny)
     values = safe**k
-    return Bent(values, k * values / safe, k * values * np.log(safe))
+    return values, k * values / safe, k * values * np.log(safe)
 
 
 def _softly(u: FloatArray, x: float) -> Bent:
-    return Bent(u * (1.0 - x * u**2), 1.0 - 3.0 * x * u**2, -(u**3))
+    return u * (1.0 - x * u**2), 1.0 - 3.0 * x * u**2, -(u**3)
 
 
 def _up_to_a_limit(u: FloatArray, x: float) -> Bent:
     t = x if abs(x) > 1e-9 else 1e-9
     bent, rise = np.tanh(u * t), 1.0 / np.cosh(np.minimum(np.abs(u * t), 300.0)) ** 2
-    return Bent(bent / t, rise, (u * t * rise - bent) / t**2)
+    return bent / t, rise, (u * t * rise - bent) / t**2
 
 
 def _missing(x: float) -> tuple[float, float]:
@@ -166,7 +157,7 @@ def _exponent(x: float) -> tuple[float, float]:
 
 def _of_a_power(line: FloatArray, exponent: float) -> FloatArray:
     """d(a^k) = k a^(k - 1) da, over that at the top, where a^k is one."""
-    return np.asarray(np.maximum(line, ROUNDING) ** (1.0 - 1.0 / exponent))
+    return np.asarray(np.maximum(line, SMALLEST_RESIDUAL) ** (1.0 - 1.0 / exponent))
 
 
 LAWS = (
@@ -187,9 +178,9 @@ class _LawModel:
 
     def columns(self, x: FloatArray) -> Columns:
         sizes = self.line.columns(x[:2])
-        bent = self.law.law(sizes.values[:, 0].real, float(x[2]))
-        slopes = [bent.by_size * slope[:, 0] for slope in sizes.slopes]
-        return Columns(bent.values[:, None], np.stack([*slopes, bent.by_number])[:, :, None])
+        values, by_size, by_number = self.law.law(sizes.values[:, 0].real, float(x[2]))
+        slopes = [by_size * slope[:, 0] for slope in sizes.slopes]
+        return Columns(values[:, None], np.stack([*slopes, by_number])[:, :, None])
 
 
 class _Line(NamedTuple):
@@ -302,7 +293,7 @@ def sweep_faults(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[Swe
             at = float(np.mean(f[flat]))
             return (fault(Fault.CLIPPING, rest, 0.0, size=size, std=std, frequency_hz=at),)
     squares = plain.fit.squares
-    if math.sqrt(squares / count) < ROUNDING:
+    if math.sqrt(squares / count) < SMALLEST_RESIDUAL:
         return ()
 
     # faults that are numbers of the curve; of two laws of one fault the better one
@@ -315,11 +306,11 @@ def sweep_faults(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[Swe
             continue
         if kind not in best or line.fit.squares < best[kind].fit.squares:
             best[kind] = line
-    found = []
+    listed = []
     for kind, line in best.items():
         more = line.fit.unknowns - 3
         p_value = gain_p(squares, line.fit.squares, more, count - 3 - more)
-        found.append(fault(kind, line, p_value))
+        listed.append(fault(kind, line, p_value))
 
     # the point whose absence leaves least, if residuals are then noise of one size: where noise
     # grows with the amplitude some point is off by chance
@@ -334,11 +325,11 @@ def sweep_faults(frequency_hz: FloatArray, amplitude_v: FloatArray) -> tuple[Swe
         p_value = min(1.0, count * gain_p(squares, line.fit.squares, 1, dof))
         if not line.fit.structure.is_unequal:
             outlier = fault(Fault.OUTLIER, line, p_value, size=size, std=std, frequency_hz=at)
-            found.append(outlier)
+            listed.append(outlier)
 
-    found = [each for each in found if each.p_value < LISTED_P]
-    if not found:
+    listed = [each for each in listed if each.p_value < BY_CHANCE]
+    if not listed:
         return ()
-    as_good = max(1e3 * min(each.p_value for each in found), 1e-300)
-    two_lines = two_lines_p(f, a, plain) < LISTED_P
-    return tuple(replace(each, two_lines=two_lines) for each in found if each.p_value <= as_good)
+    as_good = max(1e3 * min(each.p_value for each in listed), 1e-300)
+    two_lines = two_lines_p(f, a, plain) < BY_CHANCE
+    return tuple(replace(each, two_lines=two_lines) for each in listed if each.p_value <= as_good)

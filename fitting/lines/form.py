@@ -1,4 +1,4 @@
-"""A line in one form: what stands next to it, fitted to a sweep, with the errors of its numbers.
+"""A line in one form: what is next to it, fitted to a sweep, with the errors of its numbers.
 
 | name | amplitudes | complex values |
 |---|---|---|
@@ -24,13 +24,16 @@ from typing import Any
 
 import numpy as np
 
+from fitting.lines.lorentzian import mode_response
 from fitting.lines.names import FORM_OF, MIN_SWEEP_POINTS
-from fitting.lines.numbers import Numbers, Slopes
 from fitting.lines.record import (
+    FormFit,
     LineNumber,
-    LineValues,
     Matrix,
+    Numbers,
     SecondLine,
+    Slopes,
+    TriedForm,
     line_numbers,
     number_of_line,
 )
@@ -46,8 +49,6 @@ from fitting.lines.sweep_model import (
     Place,
     Shapes,
 )
-from fitting.signal.peaks import mode_response
-from fitting.signal.residual_tests import Structure
 from fitting.signal.student import ratio95
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
@@ -55,7 +56,7 @@ from fitting.text.notation import hertz, how_many
 
 #: Spans that a width may have at most.
 WIDEST = 3.0
-#: Bends, in half widths, and phases of a second line of amplitudes, from which fits are made.
+#: Bends, in half widths, and phases of a second line of amplitudes, from which fits start.
 BENDS = (0.3, -0.3, 1.2, -1.2)
 TURNS = (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
 #: Starts from which a fit with several minima is made.
@@ -77,7 +78,6 @@ class Form:
         detector: what noise does to amplitudes, see `fitting.lines.sweep_model`.
         single: whether every amplitude is a single reading in noise.
         bent: whether the frequency follows the amplitude.
-        rising: whether the frequency rose during the sweep.
         delayed: whether the delay of a cable is fitted, too.
         further: how many lines, among the points or beyond them, are fitted with the first.
         tails: lines beyond complex points, at known places.
@@ -91,7 +91,6 @@ class Form:
     detector: str = PLAIN
     single: bool = False
     bent: bool = False
-    rising: bool = True
     delayed: bool = False
     further: int = 0
     tails: tuple[Place, ...] = ()
@@ -139,63 +138,41 @@ COMPLEX_FORMS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class LineFit(LineValues):
-    """A form as fitted.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LineFit(FormFit):
+    """A form as fitted to a sweep.
+
+    Its amplitude is that at the eigenfrequency, in the unit of the values; of two with the same
+    curve the lower one. Correlations are those of frequency, width and amplitude, (3, 3).
 
     Attributes:
         form: what was fitted.
-        amplitude: of the line alone at its eigenfrequency, in the unit of the values; of two with
-            the same curve the lower one.
-        mirrored: the other one; None where there is none.
+        mirrored: the other amplitude; None where there is none.
         background: the constant, of a slope its value at the eigenfrequency, of noise its root mean
             square, of single readings the noise of each quadrature.
         slope: what a slope changes by with every Hz.
         bend: shift of the top from the frequency of small amplitudes, Hz; None of a Lorentzian.
         delay: of the cable, s; None where it was not fitted.
-        others: further lines that were fitted with it.
-        rms_residual: root mean square of the residuals over the amplitude.
-        correl: correlations of frequency, width and amplitude, (3, 3).
-        curve: fitted values, (n,).
         message: how the fit ended.
-        structure: what the order of the residuals shows.
-        dof: degrees of freedom of the noise.
-        unknowns: real numbers that were fitted.
-        squares: sum of the squared residuals over the square of the largest value.
-        likely_squares: those with which normal noise of one size is as likely.
         coefficients: of complex values a, b and b' over the largest value.
         covariance: of frequency and width, Hz, and of both parts of each of the coefficients.
+        rivals: other forms that describe the values nearly as well, which the errors include.
+        rivals_widening: factor on the errors for them, on frequency or width.
+        forms: every form that was tried, the one that is taken first.
     """
 
     form: Form
-    amplitude: LineNumber
     mirrored: LineNumber | None = None
     background: complex = 0j
     slope: float = 0.0
     bend: LineNumber | None = None
     delay: LineNumber | None = None
-    others: tuple[SecondLine, ...] = ()
-    rms_residual: float
-    correl: Matrix = ()
-    curve: FloatArray | ComplexArray = field(repr=False)
     message: str
-    structure: Structure
-    dof: float
-    unknowns: int
-    squares: float
-    likely_squares: float
     coefficients: ComplexArray = field(default_factory=lambda: np.empty(0, dtype=complex))
     covariance: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
-
-    @property
-    def name(self) -> str:
-        """Of the form."""
-        return self.form.name
-
-    @property
-    def second(self) -> SecondLine | None:
-        """The first of the further lines; None without."""
-        return self.others[0] if self.others else None
+    rivals: tuple[str, ...] = ()
+    rivals_widening: float = 1.0
+    forms: tuple[TriedForm, ...] = ()
 
 
 def fit_form(  # noqa: PLR0913 - what a fit may know
@@ -326,6 +303,7 @@ class _Fitted:
             bend = numbers.number("bend", shift, [(k, half), (1, shift)], "Hz")
         made = LineFit(
             **lines[0],
+            name=form.name,
             form=form,
             amplitude=amplitudes[0],
             bend=bend,
@@ -355,9 +333,7 @@ class _Fitted:
 
     def _model(self, start: Start) -> ComplexSweep | AmplitudeSweep:
         form, f = self.form, self.f
-        shapes = Shapes(
-            frequency_hz=f, starts=self._places(start), bent=form.bent, rising=form.rising
-        )
+        shapes = Shapes(frequency_hz=f, starts=self._places(start), bent=form.bent)
         if np.iscomplexobj(self.y):
             tails = [mode_response(f, t.frequency_hz, t.width_hz) for t in form.tails]
             delay = start.delay_s if form.delayed else None
@@ -384,12 +360,12 @@ class _Fitted:
                 f"{self.source}: {how_many(self.f.size, 'point is', 'points are')} too few for a "
                 f"resonance fit; wanted at least {least}"
             )
-        begun = [x for start in starts for x in self._begun(model, start, starts[0])]
+        x_starts = [x for start in starts for x in self._x_of(model, start, starts[0])]
         if form.single and isinstance(model, AmplitudeSweep):
-            return fit_readings(model, self.y.real, begun)
+            return fit_readings(model, self.y.real, x_starts)
         tries = TRIES if form.bent or form.phased else TRIES + 1 if form.further else 1
         pull = self._pull(model.count)
-        fit = fit_model(model, self.y, begun, weights=self.weights, pull=pull, tries=tries)
+        fit = fit_model(model, self.y, x_starts, weights=self.weights, pull=pull, tries=tries)
         return fit, fit.squares
 
     def _pull(self, count: int) -> FloatArray | None:
@@ -400,10 +376,10 @@ class _Fitted:
         weights[2:4] = max(point_noise(self.y.real), 1e-6) / self.form.pull
         return weights
 
-    def _begun(
+    def _x_of(
         self, model: ComplexSweep | AmplitudeSweep, start: Start, first: Start
     ) -> list[FloatArray]:
-        """Where x begins: at every bend, and every phase of the last line, that is tried."""
+        """Where x starts: at every bend, and every phase of the last line, that is tried."""
         made, shapes, own = [], model.shapes, 2 * len(model.shapes.starts)
         bends: Sequence[float] = (0.0,)
         if shapes.bent:
@@ -428,7 +404,7 @@ class _Fitted:
                 x[-2:] = start.background.real, start.background.imag
         if not self.form.further:
             return made
-        turned = []
+        rotated = []
         heights = [height for _, height in start.others]
         for turn in TURNS:  # of the last line, which is the new one
             turns = np.array([*heights[:-1], heights[-1] * cmath.rect(1.0, turn)])
@@ -436,8 +412,8 @@ class _Fitted:
                 other = x.copy()
                 parts = np.stack([turns.real, turns.imag], axis=1).ravel()
                 other[shapes.count : shapes.count + parts.size] = parts
-                turned.append(other)
-        return turned
+                rotated.append(other)
+        return rotated
 
     def _check(self, fit: Fit, places: Sequence[Place]) -> None:
         """Complain of a fit that is no line of these points."""
@@ -589,8 +565,8 @@ def _flipped(f: FloatArray, fit: Fit, model: AmplitudeSweep) -> FloatArray:
         return fit.x
     zero = zeros[int(np.argmax(zeros.real))]
     lines = np.stack([mode_response(f, eta, width), mode_response(f, eta2, width2)], 1)
-    turned = lines @ np.array([1.0, share]) * (f - np.conj(zero)) / (f - zero)
-    height, other = np.linalg.lstsq(lines, turned, rcond=None)[0]
+    rotated = lines @ np.array([1.0, share]) * (f - np.conj(zero)) / (f - zero)
+    height, other = np.linalg.lstsq(lines, rotated, rcond=None)[0]
     x, at = fit.x.copy(), model.shapes.count
     ratio = other / height if height else share
     x[at : at + 2] = ratio.real, ratio.imag

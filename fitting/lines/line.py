@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lines.choice import Spread
 from fitting.lines.dip import NOTCH, REFLECTION, DipReading, dip_readings
 from fitting.lines.excluded import (
     Clipped,
@@ -18,12 +16,10 @@ from fitting.lines.excluded import (
     without_spikes,
 )
 from fitting.lines.faults import Fault, SweepFault, sweep_faults
-from fitting.lines.form import LineFit
 from fitting.lines.names import MIN_SWEEP_POINTS
-from fitting.lines.record import LineNumber, LineValues, MeasuredLine, Points, SecondLine, fields_of
+from fitting.lines.record import LineNumber, MeasuredLine, SecondLine, common_fields
 from fitting.lines.several import TwoResonances
 from fitting.lines.sweep import SweepSearch, is_reversed
-from fitting.lines.sweep_model import Place
 from fitting.lines.trace import Trace
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, note
@@ -107,45 +103,33 @@ def line_of(
     try:
         rest, clipped = without_clipped(without_spikes(trace, spikes))
         rest = _as_falling(rest)
-        elsewhere = [Place(line.frequency_hz, line.width_hz) for line in further_lines(rest)]
+        elsewhere = further_lines(rest)
         form = "fano" if wiring in (NOTCH, REFLECTION) else wiring
-        search = SweepSearch(
-            rest.frequency_hz, rest.values, form, tuple(elsewhere), rest.source, delayed
-        )
-        fit = search.fit() if count == 1 else search.fit_several(count)
+        search = SweepSearch(rest.frequency_hz, rest.values, form, elsewhere, rest.source, delayed)
+        best = search.fit() if count == 1 else search.fit_several(count)
     except BadInput as error:
         if isinstance(error, TwoResonances):
             error.phases_reversed = rest.phases_reversed
-        if trace.read:
-            error.args = tuple(f"{text} (read: {trace.read})" for text in error.args)
+        notes = f" (read: {trace.read})" if trace.read else ""
         if spikes:
             left = listed(f"{s.place} at {hertz(s.frequency_hz, digits=8)}" for s in spikes)
-            error.args = tuple(
-                f"{text} (left out as single points far off their neighbours: {left})"
-                for text in error.args
-            )
+            notes += f" (left out as single points far off their neighbours: {left})"
+        error.args = tuple(f"{text}{notes}" for text in error.args)
         raise
-    return _line(rest, fit, wiring, elsewhere, spikes, clipped)
 
+    def in_unit(number: LineNumber | None) -> LineNumber | None:
+        return None if number is None else replace(number, unit=trace.unit)
 
-def _line(
-    trace: Trace,
-    fit: Spread,
-    wiring: str,
-    elsewhere: Sequence[Place],
-    spikes: Sequence[Spike],
-    clipped: Clipped | None,
-) -> Line:
-    best = fit.fit
-    # of complex values both parts are rows: their points are worth half of them
-    structure = best.structure
-    structure = replace(structure, points=structure.points / (2.0 if trace.is_complex else 1.0))
+    # what makes amplitudes no damped line, where the best form leaves more than noise
+    faults: tuple[SweepFault, ...] = ()
+    linear = not (rest.is_complex or best.second is not None or best.form.bent)
+    if linear and (best.name == "transmission" or best.structure.order > 0):
+        listed_faults = sweep_faults(rest.frequency_hz, rest.amplitude)
+        faults = tuple(f for f in listed_faults if f.fault is not Fault.BACKGROUND)
     return Line(
-        **fields_of(best, LineValues),
-        source=trace.source,
-        unit=trace.unit,
+        **common_fields(rest, best, best, frequency_hz=rest.frequency_hz),
         amplitude=replace(best.amplitude, unit=trace.unit),
-        mirrored=_in(best.mirrored, trace.unit),
+        mirrored=in_unit(best.mirrored),
         bend=best.bend,
         background=best.background.real if best.name != "fano" else 0.0,
         slope=best.slope,
@@ -153,40 +137,20 @@ def _line(
         is_requested=bool(wiring),
         delay=best.delay,
         rms_residual=best.rms_residual,
-        dof=best.dof,
-        structure=structure,
-        rivals=fit.rivals,
-        rivals_widening=fit.factor,
-        forms=fit.forms,
-        readings=dip_readings(trace.frequency_hz, best, wiring),
-        faults=_faults(trace, best),
+        rivals=best.rivals,
+        rivals_widening=best.rivals_widening,
+        forms=best.forms,
+        readings=dip_readings(rest.frequency_hz, best, wiring),
+        faults=faults,
         second=best.second,
-        others=tuple(replace(o, amplitude=_in(o.amplitude, trace.unit)) for o in best.others),
+        others=tuple(replace(o, amplitude=in_unit(o.amplitude)) for o in best.others),
         further_hz=tuple(place.frequency_hz for place in elsewhere),
-        instrument=trace.instrument,
-        spikes=tuple(spikes),
-        phases_reversed=trace.phases_reversed,
+        instrument=rest.instrument,
+        spikes=spikes,
+        phases_reversed=rest.phases_reversed,
         clipped=clipped,
-        chisqr=best.squares * float(np.max(trace.amplitude)) ** 2,
-        unknowns=best.unknowns,
-        correl=best.correl,
-        reading=trace.reading,
-        points=Points.of(trace.values, best.curve, frequency_hz=trace.frequency_hz),
+        chisqr=best.squares * rest.top**2,
     )
-
-
-def _in(number: LineNumber | None, unit: str) -> LineNumber | None:
-    return None if number is None else replace(number, unit=unit)
-
-
-def _faults(trace: Trace, best: LineFit) -> tuple[SweepFault, ...]:
-    """What makes amplitudes no damped line, where the best form leaves more than noise."""
-    if trace.is_complex or best.second is not None or best.form.bent:
-        return ()
-    if best.name != "transmission" and best.structure.order == 0:
-        return ()
-    found = sweep_faults(trace.frequency_hz, trace.amplitude)
-    return tuple(f for f in found if f.fault is not Fault.BACKGROUND)
 
 
 def _as_falling(trace: Trace) -> Trace:

@@ -12,8 +12,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.signal.peaks import mode_response
 from fitting.text.arrays import ComplexArray, FloatArray
+
+
+def mode_response(frequency_hz: FloatArray, eta_hz: float, width_hz: float) -> ComplexArray:
+    """Response of one driven damped mode, 1 at eta in magnitude, shape of ``frequency_hz``.
+
+    g(f) = w eta / ((eta - f)(eta + f) + i f w); the difference of squares is factored because at
+    high Q it cancels. |g|^2 is a Lorentzian of full width w close to eta.
+
+    Args:
+        frequency_hz: frequencies (n,), Hz.
+        eta_hz: resonance frequency, Hz.
+        width_hz: full line width, Hz.
+    """
+    detuning = (eta_hz - frequency_hz) * (eta_hz + frequency_hz)
+    return np.asarray(width_hz * eta_hz / (detuning + 1j * frequency_hz * width_hz))
 
 
 class Response(NamedTuple):

@@ -1,12 +1,20 @@
 """Lines of a noise spectrum: frequency, width, quality and power, by the likelihood that it has.
 
-Heat moves a mode all the time, and its displacement has the density
+Heat moves a mode all the time, and its displacement has a density that is a line on a white floor,
 
-    S(f) = a |g(f)|^2 + b,   |g| the line of `fitting.lines.lorentzian`, b a white floor
+    own        S = sum_k a_k |g_k|^2 + b          modes with forces of their own, as heat has them
+    together   S = a |g_1 + r g_2|^2 + b          modes under one force, r of either sign
+    coupled    S = -a c Im chi(f)/f + b           coupled modes in heat, the first one observed
+
+    chi = D_2/(D_1 D_2 - K^2)     D_k = f_k^2 - f^2 + i f w_k     c = f_1^2 w_1     K = 2 f_0 k
+
+g of `fitting.lines.lorentzian`, f_0 the mean of all f. Heights a and the floor b are linear.
+Coupled modes have lines at the roots of D_1 D_2 = K^2; without k they are the first of own ones.
+
     power of the line  P = pi/2 a w,   rms = sqrt(P),   Q = f/w
 
 A density that is the mean of M periodograms scatters by itself over sqrt(M). M is not known: the
-spectrum of `fitting.lines.noise_model` has the least
+spectrum has the least
 
     D = sum 2 (P/S - 1 - ln(P/S))      with      D/(n - k) = 2 (ln M - psi(M))
 
@@ -24,49 +32,41 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import digamma, gammainc, gammaincc, ndtri
 
-from fitting.lines.choice import gain_p
-from fitting.lines.likelihood import Whittle
-from fitting.lines.noise_model import COUPLED, OWN, TOGETHER, NoiseSpectrum
-from fitting.lines.numbers import Numbers
+from fitting.lines.choice import PLAINLY, PRESENT_P, gain_p
 from fitting.lines.record import (
+    Fitted,
     LineNumber,
-    LineValues,
     Matrix,
     MeasuredLine,
-    Points,
+    Numbers,
     SecondLine,
-    fields_of,
+    common_fields,
     line_numbers,
     number_of_line,
 )
-from fitting.lines.solve import Fit, fit_model
-from fitting.lines.sweep_model import Place
-from fitting.lines.trace import above_zero, within
-from fitting.signal.residual_tests import Structure, residual_structure
+from fitting.lines.solve import Columns, Fit, fit_densities
+from fitting.lines.sweep_model import Place, Shapes
+from fitting.lines.trace import NoiseRecord
+from fitting.signal.residual_tests import residual_structure
 from fitting.signal.student import ratio95
-from fitting.text.arrays import FloatArray, as_numbers, require_size
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.finding import Finding, Kind, note
-from fitting.text.notation import hertz
 
-#: Gain in chi square from which a way in which modes are moved is told from forces of their own.
-PLAINLY = 10.0
+#: How modes may be moved: each by itself, both by one force, or by heat with a coupling.
+OWN, TOGETHER, COUPLED = "own", "together", "coupled"
 #: Points that are averaged where a line is looked for.
 SMOOTHED = 5
-#: Widths over the spacing of the points with which a line begins.
-BEGINS = np.exp([1.0, 2.0, 3.0, 4.0])
+#: Widths over the spacing of the points with which a line starts.
+WIDTHS = np.exp([1.0, 2.0, 3.0, 4.0])
 #: Widths of modes under one force over those of lines that add up, which interference narrows.
 WIDER = (1.0, 3.0)
 #: Smallest density over the largest one, and deviance.
 LEAST = 1e-12
-#: Probability below which chance does not explain what a further line gains.
-BY_CHANCE = 1e-3
 #: Least distance of two lines over the sum of their widths, and least width over the spacing.
 APART, NARROWEST = 0.2, 0.2
 #: Fewest and most averages that a scatter may show; halvings that find their number.
@@ -76,8 +76,117 @@ SMALLEST_TAIL = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NoiseFit:
+class NoiseSpectrum:
+    """Lines in noise; x: the lines as in `Shapes`, then r, or k over the first start's width.
+
+    Attributes:
+        frequency_hz: rising, shape (n,), Hz.
+        starts: where each line, of coupled modes each mode, starts.
+        kind: `OWN`, `TOGETHER` or `COUPLED`.
+    """
+
+    frequency_hz: FloatArray
+    starts: Sequence[Place]
+    kind: str = OWN
+
+    @property
+    def shapes(self) -> Shapes:
+        """The lines, or modes."""
+        return Shapes(frequency_hz=self.frequency_hz, starts=self.starts)
+
+    @property
+    def count(self) -> int:
+        """Unknowns that do not enter linearly."""
+        return self.shapes.count + (self.kind != OWN)
+
+    def columns(self, x: FloatArray) -> Columns:
+        """The lines, and 1."""
+        parts = [self._in_heat(x)] if self.kind == COUPLED else self._powers(x)
+        one = np.ones_like(self.frequency_hz)
+        values = np.stack([*(value for value, _ in parts), one], axis=1)
+        slopes = np.zeros((self.count, *values.shape))
+        for k, (_, slope) in enumerate(parts):
+            slopes[:, :, k] = slope
+        return Columns(values, slopes)
+
+    def _powers(self, x: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+        """|h|^2 of each wave h with its slopes, (count, n)."""
+        waves = [(g.values, g.slopes) for g in self.shapes.responses(x[: self.shapes.count])]
+        if self.kind == TOGETHER:
+            (one, of_one), (two, of_two) = waves
+            r = float(x[self.shapes.count])
+            waves = [(one + r * two, np.concatenate([of_one + r * of_two, two[None]]))]
+        return [(np.abs(h) ** 2, 2.0 * (np.conj(h) * slopes).real) for h, slopes in waves]
+
+    def coupling(self, x: FloatArray) -> tuple[float, float]:
+        """K at x, Hz^2, and its derivative by k."""
+        by_k = 2.0 * float(np.mean(self.frequency_hz)) * self.starts[0].width_hz
+        return by_k * float(x[self.shapes.count]), by_k
+
+    def _in_heat(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Of coupled modes, one in size where the first is by itself, with its slopes."""
+        f, (one, two) = self.frequency_hz, self.shapes.places(x[:4])
+        k, by_k = self.coupling(x)
+        d1, d2 = (
+            (p.frequency_hz - f) * (p.frequency_hz + f) + 1j * f * p.width_hz for p in (one, two)
+        )
+        whole = d1 * d2 - k**2
+        chi = d2 / whole
+        by_1, by_2, by_k2 = -(chi**2), -((k / whole) ** 2), d2 / whole**2
+        scales = [start.width_hz for start in self.starts]
+        by_x = [
+            by_1 * 2.0 * one.frequency_hz * scales[0],
+            by_1 * 1j * f * one.width_hz,
+            by_2 * 2.0 * two.frequency_hz * scales[1],
+            by_2 * 1j * f * two.width_hz,
+            by_k2 * 2.0 * k * by_k,
+        ]
+        size = one.frequency_hz**2 * one.width_hz
+        value = -size * chi.imag / f
+        slopes = np.stack([-size * slope.imag / f for slope in by_x])
+        slopes[0] += value * 2.0 * scales[0] / one.frequency_hz
+        slopes[1] += value
+        return np.asarray(value), slopes
+
+    def lines(self, x: FloatArray) -> list[tuple[Place, FloatArray]]:
+        """Frequency and FWHM of each line with their derivatives by x, (2, count)."""
+        made = []
+        places, scales = self.shapes.places(x[: self.shapes.count]), self.starts
+        if self.kind != COUPLED:
+            for j, (place, start) in enumerate(zip(places, scales, strict=True)):
+                slopes = np.zeros((2, self.count))
+                slopes[0, 2 * j], slopes[1, 2 * j + 1] = start.width_hz, place.width_hz
+                made.append((place, slopes))
+            return made
+        (f1, w1), (f2, w2) = ((p.frequency_hz, p.width_hz) for p in places)
+        k, by_k = self.coupling(x)
+        whole = np.polymul([-1.0, 1j * w1, f1**2], [-1.0, 1j * w2, f2**2])
+        whole[-1] -= k**2
+        # a root p moves by -dF/dx over dF/dp, F = D_1 D_2 - K^2
+        for p in sorted(np.roots(whole), key=lambda root: float(root.real))[-2:]:
+            d1, d2 = f1**2 - p**2 + 1j * p * w1, f2**2 - p**2 + 1j * p * w2
+            by_x = np.array(
+                [
+                    2.0 * f1 * d2 * scales[0].width_hz,
+                    1j * p * w1 * d2,
+                    2.0 * f2 * d1 * scales[1].width_hz,
+                    1j * p * w2 * d1,
+                    -2.0 * k * by_k,
+                ]
+            )
+            moved = -by_x / ((1j * w1 - 2.0 * p) * d2 + (1j * w2 - 2.0 * p) * d1)
+            size = float(abs(p))
+            slopes = np.stack([(np.conj(p) * moved).real / size, 2.0 * moved.imag])
+            made.append((Place(size, 2.0 * float(p.imag)), slopes))
+        return made
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoiseFit(Fitted):
     """Lines of a density.
+
+    Correlations are those of frequency, FWHM and power of the first line, without the power where
+    it is NaN; ``squares`` is the deviance D.
 
     Attributes:
         lines: the lowest frequency first.
@@ -86,19 +195,13 @@ class NoiseFit:
         power: of each over all frequencies, pi/2 times height times FWHM; NaN of lines that are
             moved in another way than each by itself.
         floor: white density under them.
-        correl: correlations of frequency, FWHM and power of the first line; without the power where
-            it is NaN.
         first: number of the highest line among the points.
         averages: M.
-        modes: frequency and FWHM, Hz, of the seen mode and of the other one by themselves, then
+        kind: how modes are moved.
+        modes: frequency and FWHM, Hz, of the observed mode and of the other one by themselves, then
             the root of K, Hz; empty but of `COUPLED`.
         is_kind_determined: whether the density shows that both modes have forces of their own, or
             how else they are moved.
-        model: shapes and terms.
-        fit: to the densities over the largest one.
-        structure: what the residuals show.
-        dof: degrees of freedom; correlated points count as fewer.
-        curve: fitted densities, (n,).
     """
 
     lines: tuple[SecondLine, ...]
@@ -106,20 +209,10 @@ class NoiseFit:
     power: tuple[LineNumber, ...]
     floor: LineNumber
     first: int
-    correl: Matrix
     averages: float
+    kind: str
     modes: tuple[float, ...] = ()
     is_kind_determined: bool = True
-    model: NoiseSpectrum
-    fit: Fit
-    structure: Structure
-    dof: float
-    curve: FloatArray = field(repr=False)
-
-    @property
-    def kind(self) -> str:
-        """How modes are moved."""
-        return self.model.kind
 
 
 def noise_lines(frequency_hz: FloatArray, density: FloatArray) -> NoiseFit | None:
@@ -134,23 +227,26 @@ def noise_lines(frequency_hz: FloatArray, density: FloatArray) -> NoiseFit | Non
     """
     top = float(np.max(density))
     y = np.maximum(density / top, LEAST)
-    level = float(np.sum(Whittle(1.0).residuals(y, np.full(y.size, np.mean(y)))[0] ** 2))
-    best = _lowest(
-        NoiseSpectrum(frequency_hz=frequency_hz, starts=[]), y, _further(frequency_hz, y)
-    )
-    if best is None or not _gains(level, 1, best[1], y.size):
+    ratio = y / np.mean(y)
+    level = 2.0 * float(np.sum(ratio - 1.0 - np.log(ratio)))
+    nothing = NoiseSpectrum(frequency_hz=frequency_hz, starts=[])
+    one = _lowest(nothing, y, _further(frequency_hz, y))
+    if one is None or not _gains(level, 1, one[1], y.size):
         return None
-    if not _is_seen(*best):
+    if not _is_resolved(*one):
         raise ValueError("a line whose width does not show in its points")
-    two = _lowest(best[0], y, _further(frequency_hz, y, best))
-    if (
-        two is not None
-        and _are_two(*two)
-        and _gains(best[1].squares, best[1].unknowns, two[1], y.size)
-    ):
-        best, is_determined = _moved(*two, y)
-        return replace(_result(*best, y, top), is_kind_determined=is_determined)
-    return _result(*best, y, top)
+    two = _lowest(one[0], y, _further(frequency_hz, y, one))
+    if two is None or not _gains(one[1].squares, one[1].unknowns, two[1], y.size):
+        return _result(*one, y, top)
+    # two lines have to be apart, and neither a single point: of one line that is no Lorentzian
+    # curve two together make more
+    near, far = sorted(two[0].shapes.places(two[1].x))
+    apart = far.frequency_hz - near.frequency_hz > APART * (near.width_hz + far.width_hz)
+    spacing = float(np.median(np.diff(frequency_hz)))
+    if not (_is_resolved(*two) and apart and min(near.width_hz, far.width_hz) > spacing):
+        return _result(*one, y, top)
+    best, is_determined = _moved(*two, y)
+    return replace(_result(*best, y, top), is_kind_determined=is_determined)
 
 
 def averages_of(deviance: float, dof: int) -> float:
@@ -171,28 +267,28 @@ def averages_of(deviance: float, dof: int) -> float:
 
 # --- fits ----------------------------------------------------------------------------------------
 
-Found = tuple[NoiseSpectrum, Fit]
+Candidate = tuple[NoiseSpectrum, Fit]
 
 
 def _lowest(
-    model: NoiseSpectrum, y: FloatArray, begins: Sequence[tuple[Sequence[Place], Sequence[float]]]
-) -> Found | None:
+    model: NoiseSpectrum, y: FloatArray, starts: Sequence[tuple[Sequence[Place], Sequence[float]]]
+) -> Candidate | None:
     """The fit of least deviance from lines with other unknowns, among the points if one is."""
-    ends: list[Found] = []
-    for places, others in begins:
+    ends: list[Candidate] = []
+    for places, others in starts:
         there = replace(model, starts=places)
         start = np.array([*np.zeros(2 * len(places)), *others])
         with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-            ends.append((there, fit_model(there, y, [start], likelihood=Whittle(1.0))))
+            ends.append((there, fit_densities(there, y, start)))
     ends = [end for end in ends if np.isfinite(end[1].squares)]
-    ends.sort(key=lambda end: (not _is_seen(*end), end[1].squares))
+    ends.sort(key=lambda end: (not _is_resolved(*end), end[1].squares))
     return ends[0] if ends else None
 
 
 def _further(
-    f: FloatArray, y: FloatArray, fewer: Found | None = None
+    f: FloatArray, y: FloatArray, fewer: Candidate | None = None
 ) -> list[tuple[list[Place], list[float]]]:
-    """Where fits with one line more begin: where what the fewer leave is largest."""
+    """Where fits with one line more start: where what the fewer leave is largest."""
     size = min(SMOOTHED, y.size)
     places: list[Place] = []
     heights: list[float] = []
@@ -207,54 +303,45 @@ def _further(
     top = max(float(smooth[at]), LEAST)
     return [
         ([*places, Place(float(f[at]), spacing * float(wide))], [*heights, top, max(floor, LEAST)])
-        for wide in BEGINS
+        for wide in WIDTHS
     ]
 
 
-def _moved(model: NoiseSpectrum, fit: Fit, y: FloatArray) -> tuple[Found, bool]:
+def _moved(model: NoiseSpectrum, fit: Fit, y: FloatArray) -> tuple[Candidate, bool]:
     """Two lines as modes that are moved as the density shows, and whether it shows that."""
     places = sorted(zip(model.shapes.places(fit.x), fit.coefficients, strict=False))
     (one, a), (two, b) = ((place, max(float(height), LEAST)) for place, height in places)
     floor, r = max(float(fit.coefficients[-1]), LEAST), math.sqrt(b / a)
     together, coupled = (replace(model, kind=kind) for kind in (TOGETHER, COUPLED))
-    starts = [
+    by_one_force = [
         ([Place(f, wider * w) for f, w in (one, two)], [sign * r, a, floor])
         for wider in WIDER
         for sign in (1.0, -1.0)
     ]
-    tried = [
-        _lowest(together, y, starts),
-        _lowest(coupled, y, _coupled((one, a), (two, b), floor)),
+    # coupled modes start from both lines, whichever of the modes is observed: strengths r of lines
+    # go with height times width, their sum is that of the observed mode, the other one is at
+    # z = (r1 p2 + r2 p1)/(r1 + r2), and k^2 = (p1 - z)(z - p2) over (2 f0)^2
+    (f1, w1), (f2, w2) = one, two
+    own = a * w1 / (a * w1 + b * w2)
+    other = 1.0 - own
+    k = math.sqrt(own * other) * math.hypot(f2 - f1, 0.5 * (w2 - w1))
+    observed = Place(own * f1 + other * f2, own * w1 + other * w2)
+    by_heat = [
+        (
+            [observed, Place(other * f1 + own * f2, width)],
+            [k / observed.width_hz, max(a, b), floor],
+        )
+        for width in (other * w1 + own * w2, 0.3 * min(w1, w2))
     ]
-    others = [other for other in tried if other is not None and _is_seen(*other)]
-    closest = min(others, key=lambda other: other[1].squares, default=(model, fit))
+    tried = [_lowest(together, y, by_one_force), _lowest(coupled, y, by_heat)]
+    others = [each for each in tried if each is not None and _is_resolved(*each)]
+    closest = min(others, key=lambda each: each[1].squares, default=(model, fit))
     unit = min(fit.squares, closest[1].squares) / max(1, y.size - fit.unknowns)
     plainly = PLAINLY * max(unit, LEAST)
     if fit.squares - closest[1].squares > plainly:
         return closest, True
-    by_one = [other[1].squares for other in others if other[0].kind == TOGETHER]
-    return (model, fit), min(by_one, default=math.inf) - fit.squares > plainly
-
-
-def _coupled(
-    one: tuple[Place, float], two: tuple[Place, float], floor: float
-) -> list[tuple[list[Place], list[float]]]:
-    """Where fits of coupled modes begin: from both lines, whichever of the modes is seen.
-
-    Strengths r of lines go with height times width, their sum is that of the seen mode: the other
-    one stands at z = (r1 p2 + r2 p1)/(r1 + r2), and k^2 = (p1 - z)(z - p2) over (2 f0)^2.
-    """
-    (first, a), (last, b) = one, two
-    f1, w1, f2, w2 = first.frequency_hz, first.width_hz, last.frequency_hz, last.width_hz
-    own = a * w1 / (a * w1 + b * w2)
-    other = 1.0 - own
-    k = math.sqrt(own * other) * math.hypot(f2 - f1, 0.5 * (w2 - w1))
-    seen = Place(own * f1 + other * f2, own * w1 + other * w2)
-    widths = (other * w1 + own * w2, 0.3 * min(w1, w2))
-    return [
-        ([seen, Place(other * f1 + own * f2, width)], [k / seen.width_hz, max(a, b), floor])
-        for width in widths
-    ]
+    single = [each[1].squares for each in others if each[0].kind == TOGETHER]
+    return (model, fit), min(single, default=math.inf) - fit.squares > plainly
 
 
 def _gains(before: float, unknowns: int, fit: Fit, points: int) -> bool:
@@ -263,10 +350,10 @@ def _gains(before: float, unknowns: int, fit: Fit, points: int) -> bool:
     if dof < 1:
         return False
     more = fit.unknowns - unknowns
-    return points * gain_p(before, max(fit.squares, LEAST), more, dof) < BY_CHANCE
+    return points * gain_p(before, max(fit.squares, LEAST), more, dof) < PRESENT_P
 
 
-def _is_seen(model: NoiseSpectrum, fit: Fit) -> bool:
+def _is_resolved(model: NoiseSpectrum, fit: Fit) -> bool:
     """Whether a line is among the points, and each is as wide as points may show.
 
     A further one may be beyond an end, from where its flank reaches the points.
@@ -282,34 +369,22 @@ def _is_seen(model: NoiseSpectrum, fit: Fit) -> bool:
     )
 
 
-def _are_two(model: NoiseSpectrum, fit: Fit) -> bool:
-    """Whether two lines stand apart, and neither is a single point.
-
-    Of one line that is no Lorentzian curve two together make more.
-    """
-    one, two = sorted(model.shapes.places(fit.x))
-    apart = two.frequency_hz - one.frequency_hz > APART * (one.width_hz + two.width_hz)
-    spacing = float(np.median(np.diff(model.frequency_hz)))
-    return _is_seen(model, fit) and apart and min(one.width_hz, two.width_hz) > spacing
-
-
 # --- numbers -------------------------------------------------------------------------------------
-
-
-def _scores(y: FloatArray, curve: FloatArray, averages: float) -> FloatArray:
-    """Normal deviates as probable as the points are, over sqrt(M), shape (n,)."""
-    share = averages * y / curve
-    below, above = gammainc(averages, share), gammaincc(averages, share)
-    low, high = (ndtri(np.maximum(tail, SMALLEST_TAIL)) for tail in (below, above))
-    return np.asarray(np.where(below < 0.5, low, -high) / math.sqrt(averages))
 
 
 def _result(model: NoiseSpectrum, fit: Fit, y: FloatArray, top: float) -> NoiseFit:
     """The lines with their errors: those of M averages, widened for what the scores show."""
     averages = averages_of(fit.squares, fit.dof)
-    curve = np.asarray(fit.curve, dtype=float)
-    structure = residual_structure(_scores(y, curve, averages), fit.jacobian)
+    curve, f = np.asarray(fit.curve, dtype=float), model.frequency_hz
+    # normal deviates as probable as the points are, over sqrt(M)
+    share = averages * y / curve
+    tails = gammainc(averages, share), gammaincc(averages, share)
+    low, high = (ndtri(np.maximum(tail, SMALLEST_TAIL)) for tail in tails)
+    scores = np.asarray(np.where(tails[0] < 0.5, low, -high) / math.sqrt(averages))
+    structure = residual_structure(scores, fit.jacobian)
     numbers = Numbers(fit, structure=structure, variance=1.0 / averages)
+
+    # lines by their frequency, and their heights, which only modes of their own have as unknowns
     places = model.lines(fit.x)
     order = sorted(range(len(places)), key=lambda j: places[j][0])
     heights = [float(a) for a in fit.coefficients[:-1]]
@@ -319,140 +394,51 @@ def _result(model: NoiseSpectrum, fit: Fit, y: FloatArray, top: float) -> NoiseF
         heights.append(heights[0] * r * abs(r))
     elif model.kind == COUPLED:
         at = [place.frequency_hz for place, _ in places]
-        heights = (np.interp(at, model.frequency_hz, curve) - floor).tolist()
-    f = model.frequency_hz
+        heights = (np.interp(at, f, curve) - floor).tolist()
     among = [j for j in order if f[0] <= places[j][0].frequency_hz <= f[-1]]
     first = max(among, key=lambda j: abs(heights[j]))
+
     correl: Matrix = ()
     made, powers = [], []
     for j in order:
-        whole = np.zeros((2, fit.unknowns))
-        whole[:, : model.count] = places[j][1]
-        made.append(_line(numbers, places[j][0], whole, abs(heights[j] / heights[first])))
-        power = top * 0.5 * math.pi * heights[j] * places[j][0].width_hz
-        slopes = [(2 * j + 1, power), (model.count + j, power / heights[j])]
-        own = model.kind == OWN
-        powers.append(numbers.number("power", power if own else math.nan, slopes if own else []))
+        place, slopes = places[j][0], np.zeros((2, fit.unknowns))
+        slopes[:, : model.count] = places[j][1]
+        q = place.frequency_hz / place.width_hz
+        of_q = q * (slopes[0] / place.frequency_hz - slopes[1] / place.width_hz)
+        line = line_numbers(
+            (place.frequency_hz, numbers.std(slopes[0])),
+            (place.width_hz, numbers.std(slopes[1])),
+            (q, numbers.std(of_q)),
+            numbers.dof,
+            q_by_width=True,
+        )
+        made.append(SecondLine(**line, share=abs(heights[j] / heights[first])))
+        power, along = math.nan, []
+        if model.kind == OWN:
+            power = top * 0.5 * math.pi * heights[j] * place.width_hz
+            along = [(2 * j + 1, power), (model.count + j, power / heights[j])]
+        powers.append(numbers.number("power", power, along))
         if j == first:
-            correl = numbers.correl([*whole, *([numbers.gradient(slopes)] if own else [])])
+            correl = numbers.correl([*slopes, *([numbers.gradient(along)] if along else [])])
     modes: tuple[float, ...] = ()
     if model.kind == COUPLED:
-        seen, unseen = model.shapes.places(fit.x[:4])
-        modes = (*seen, *unseen, math.sqrt(abs(model.coupling(fit.x)[0])))
+        observed, other = model.shapes.places(fit.x[:4])
+        modes = (*observed, *other, math.sqrt(abs(model.coupling(fit.x)[0])))
     return NoiseFit(
         lines=tuple(made),
         height=tuple(top * heights[j] for j in order),
         power=tuple(powers),
         floor=numbers.number("floor", top * floor, [(fit.unknowns - 1, top)]),
         first=order.index(first),
-        correl=correl,
         averages=averages,
+        kind=model.kind,
         modes=modes,
-        model=model,
-        fit=fit,
+        correl=correl,
         structure=structure,
         dof=numbers.dof,
+        unknowns=fit.unknowns,
+        squares=fit.squares,
         curve=top * curve,
-    )
-
-
-def _line(numbers: Numbers, place: Place, slopes: FloatArray, share: float) -> SecondLine:
-    """A line with its errors, from gradients of its frequency and FWHM."""
-    f, w = place.frequency_hz, place.width_hz
-    q = f / w
-    made = line_numbers(
-        (f, numbers.std(slopes[0])),
-        (w, numbers.std(slopes[1])),
-        (q, numbers.std(q * (slopes[0] / f - slopes[1] / w))),
-        numbers.dof,
-        q_by_width=True,
-    )
-    return SecondLine(**made, share=share)
-
-
-#: Points that a noise spectrum has at least.
-LEAST_POINTS = 12
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class NoiseRecord:
-    """A noise spectrum.
-
-    Attributes:
-        source: what complaints name it by.
-        frequency_hz: rising, shape (n,), Hz.
-        density: above zero, shape (n,), in ``unit`` squared per Hz.
-        unit: of what is seen, as V; "1": the numbers are relative.
-        reading: how the file was read.
-    """
-
-    source: str
-    frequency_hz: FloatArray
-    density: FloatArray
-    unit: str
-    reading: tuple[Finding, ...] = ()
-
-    def within(self, low_hz: float | None, high_hz: float | None) -> NoiseRecord:
-        """The part between two frequencies.
-
-        Args:
-            low_hz: Hz, None: from the first.
-            high_hz: Hz, None: to the last.
-
-        Raises:
-            BadInput: too few points are left.
-        """
-        if low_hz is None and high_hz is None:
-            return self
-        kept = within(self.frequency_hz, (low_hz, high_hz), LEAST_POINTS, self.source)
-        taken = note(Kind.part_taken, "point", taken=int(np.sum(kept)), count=kept.size)
-        return replace(
-            self,
-            frequency_hz=self.frequency_hz[kept],
-            density=self.density[kept],
-            reading=(*self.reading, taken),
-        )
-
-
-def noise_record_of(
-    frequency_hz: npt.ArrayLike, density: npt.ArrayLike, unit: str, source: str = "arrays"
-) -> NoiseRecord:
-    """A checked noise spectrum of arrays.
-
-    Args:
-        frequency_hz: shape (n,), Hz, in any order.
-        density: above zero, shape (n,), in ``unit`` squared per Hz.
-        unit: of what is seen; "1": the numbers are relative.
-        source: what complaints name it by.
-
-    Raises:
-        BadInput: shapes that differ, too few points, numbers that are not finite or not above zero,
-            a frequency twice.
-    """
-    f = as_numbers(frequency_hz, f"{source}: frequencies")
-    y = as_numbers(density, f"{source}: densities")
-    if f.ndim != 1 or f.shape != y.shape:
-        raise BadInput(f"{source}: frequencies {f.shape} and densities {y.shape}; wanted (n,)")
-    kept = above_zero(f)
-    f, y = f[kept], y[kept]
-    reading = () if np.all(kept) else (note(Kind.zero_frequency),)
-    if f.size < LEAST_POINTS:
-        raise BadInput(f"{source}: {f.size} points, wanted at least {LEAST_POINTS}")
-    for i in np.flatnonzero(~(np.isfinite(f) & np.isfinite(y)))[:1]:
-        raise BadInput(f"{source}: point {i + 1} is {f[i]} Hz, {y[i]}; wanted finite numbers")
-    require_size(f, f"{source}: frequencies")
-    require_size(y, f"{source}: densities")
-    if np.any(y <= 0.0):
-        i = int(np.flatnonzero(y <= 0.0)[0])
-        raise BadInput(
-            f"{source}: point {i + 1}, at {hertz(f[i], digits=7)}, has a density of {y[i]:.6g}; "
-            "wanted densities above zero"
-        )
-    order = np.argsort(f)
-    if np.any(np.diff(f[order]) == 0.0):
-        raise BadInput(f"{source}: has a frequency twice, wanted each once")
-    return NoiseRecord(
-        source=source, frequency_hz=f[order], density=y[order], unit=unit, reading=reading
     )
 
 
@@ -501,7 +487,7 @@ def noise_line_of(record: NoiseRecord) -> NoiseLine:
         BadInput: no line, or one that is not told from the floor.
     """
     try:
-        fit = noise_lines(record.frequency_hz, record.density)
+        fit = noise_lines(record.frequency_hz, np.asarray(record.values, dtype=float))
     except ValueError as error:
         raise BadInput(
             f"{record.source}: shows {error}; wanted more of them in it, or a longer range around "
@@ -515,9 +501,7 @@ def noise_line_of(record: NoiseRecord) -> NoiseLine:
     line, power, half = fit.lines[fit.first], fit.power[fit.first], ratio95(fit.dof)
     rms = math.sqrt(power.value) if power.value > 0.0 else math.nan
     return NoiseLine(
-        **fields_of(line, LineValues),
-        source=record.source,
-        unit=record.unit,
+        **common_fields(record, fit, line, frequency_hz=record.frequency_hz),
         power=replace(power, unit=f"({record.unit})**2"),
         rms=number_of_line("rms", rms, 0.5 * power.std / rms, record.unit, half=half),
         height=abs(fit.height[fit.first]),
@@ -527,11 +511,5 @@ def noise_line_of(record: NoiseRecord) -> NoiseLine:
         kind=fit.kind,
         second=next((other for other in fit.lines if other is not line), None),
         spacing_hz=float(np.median(np.diff(record.frequency_hz))),
-        dof=fit.dof,
-        structure=fit.structure,
-        chisqr=fit.averages * fit.fit.squares,
-        unknowns=fit.fit.unknowns,
-        correl=fit.correl,
-        reading=record.reading,
-        points=Points.of(record.density, fit.curve, frequency_hz=record.frequency_hz),
+        chisqr=fit.averages * fit.squares,
     )

@@ -1,18 +1,20 @@
-"""Records of lines: numbers with their errors, forms that were tried, results with their points."""
+"""Records of lines: numbers with their errors, forms as fitted, results with their points."""
 
 from __future__ import annotations
 
 import cmath
 import math
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from fitting.signal.residual_tests import STRUCTURED, Structure
-from fitting.signal.student import ratio95
+from fitting.lines.solve import Fit
+from fitting.lines.trace import Measured
+from fitting.signal.residual_tests import Structure
+from fitting.signal.student import ROOT_68, ratio95, reach
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.estimate import NOWHERE, Estimate, Interval, Verdict
 from fitting.text.finding import Finding
@@ -208,27 +210,71 @@ class SecondLine(LineValues):
     offset: LineNumber | None = None
     decay_time: LineNumber | None = None
 
-    @classmethod
-    def at(
-        cls, frequency_hz: float, width_hz: float, height: complex, mirrored: float = math.nan
-    ) -> SecondLine:
-        """A line whose errors are not known.
-
-        Args:
-            frequency_hz: eigenfrequency, Hz.
-            width_hz: full width at half of the power, Hz.
-            height: over that of the first line.
-            mirrored: the other share that amplitudes do not distinguish from it.
-        """
-        share, phase = cmath.polar(height)
-        nan = math.nan
-        numbers = line_numbers((frequency_hz, nan), (width_hz, nan), (frequency_hz / width_hz, nan))
-        return cls(**numbers, share=share, phase_rad=phase, mirrored=mirrored)
-
     @property
     def height(self) -> complex:
         """Complex height over that of the first one."""
         return cmath.rect(self.share, self.phase_rad)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fitted:
+    """What every fit of lines has.
+
+    Attributes:
+        structure: what the residuals show of the noise.
+        dof: degrees of freedom of the noise; correlated values count as fewer.
+        correl: correlations of the numbers of the first line, (k, k).
+        unknowns: real numbers that were fitted.
+        squares: sum of the squared residuals over the square of the largest value.
+        curve: fitted values, (n,), in the unit of the data.
+    """
+
+    structure: Structure
+    dof: float
+    correl: Matrix = ()
+    unknowns: int
+    squares: float
+    curve: FloatArray | ComplexArray = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FormFit(Fitted, LineValues):
+    """A form as fitted: the numbers of its first line, and what it is compared with others by.
+
+    Attributes:
+        name: of the form.
+        amplitude: of the first line alone.
+        others: further lines that were fitted with it.
+        rms_residual: root mean square of the residuals over the amplitude.
+        likely_squares: those with which normal noise of one size is as likely.
+    """
+
+    name: str
+    amplitude: LineNumber
+    others: tuple[SecondLine, ...] = ()
+    rms_residual: float
+    likely_squares: float
+
+    @property
+    def second(self) -> SecondLine | None:
+        """The first of the further lines; None without."""
+        return self.others[0] if self.others else None
+
+    def tried(self, criterion: float, **more: Any) -> TriedForm:
+        """The form as it is listed.
+
+        Args:
+            criterion: Akaike's, over the least of all forms.
+            more: further fields of `TriedForm`.
+        """
+        return TriedForm(
+            **fields_of(self, LineValues),
+            name=self.name,
+            rms_residual=self.rms_residual,
+            criterion=criterion,
+            structure=self.structure,
+            **more,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,7 +311,7 @@ class LineResult(LineValues):
     @property
     def is_noise(self) -> bool:
         """Whether the residuals are noise of one size, by all tests."""
-        return min(self.structure.p_value, self.structure.sizes_p) >= STRUCTURED
+        return self.structure.is_noise
 
 
 def fields_of(record: Any, kind: type) -> dict[str, Any]:
@@ -386,3 +432,100 @@ class MeasuredLine(LineResult):
     def is_complex(self) -> bool:
         """Whether phases were measured."""
         return bool(self.points.measured_imaginary)
+
+
+def common_fields(
+    record: Measured, fit: Fitted, line: LineValues, **axis: FloatArray
+) -> dict[str, Any]:
+    """The fields of `MeasuredLine` that all kinds of measurement fill alike.
+
+    Args:
+        record: what was measured.
+        fit: of its lines.
+        line: the one that is printed.
+        axis: frequency_hz or time_s of the values, (n,).
+    """
+    # of complex values both parts are rows: their points are worth half of them
+    points = fit.structure.points / (2.0 if record.is_complex else 1.0)
+    return {
+        **fields_of(line, LineValues),
+        "source": record.source,
+        "unit": record.unit,
+        "dof": fit.dof,
+        "structure": replace(fit.structure, points=points),
+        "unknowns": fit.unknowns,
+        "correl": fit.correl,
+        "reading": record.reading,
+        "points": Points.of(record.values, fit.curve, **axis),
+    }
+
+
+#: Slopes of a number by single unknowns: the number of each, and the slope.
+Slopes: TypeAlias = Sequence[tuple[int, float]]
+
+
+class Numbers:
+    """Numbers of a fit; their errors are halves of 68 % intervals.
+
+    Attributes:
+        fit: of which they are.
+        structure: what the order of its residuals shows.
+        dof: degrees of freedom of the noise; correlated values count as fewer.
+        variance: of a residual.
+        covariance: of all unknowns, (unknowns, unknowns).
+    """
+
+    def __init__(
+        self,
+        fit: Fit,
+        sigma: float | None = None,
+        structure: Structure | None = None,
+        variance: float | None = None,
+    ) -> None:
+        """Numbers of a fit.
+
+        Args:
+            fit: of which they are.
+            sigma: standard deviation of a residual, if known.
+            structure: of the residuals; None: that of all of them.
+            variance: of a residual, where it is estimated otherwise than from their squares.
+        """
+        self.fit = fit
+        self.structure = fit.structure if structure is None else structure
+        self.dof = math.inf if sigma is not None else fit.dof / self.structure.widening**2
+        own = fit.squares / fit.dof if variance is None else variance
+        self.variance = own if sigma is None else sigma**2
+        widened = self.structure.widening**2 * self.variance * fit.inverse
+        self.covariance = reach(ROOT_68, self.dof) ** 2 * widened
+
+    def std(self, gradient: FloatArray) -> float:
+        """Half of the 68 % interval of a number with this gradient (unknowns,)."""
+        at = np.flatnonzero(gradient)
+        part = self.covariance[np.ix_(at, at)]
+        size = float(np.max(np.abs(gradient), initial=0.0))  # its square may be no number
+        unit = gradient[at] / size if size else gradient[at]
+        return size * math.sqrt(max(0.0, float(unit @ part @ unit)))
+
+    def gradient(self, slopes: Slopes) -> FloatArray:
+        """Derivatives (unknowns,) of a number with slopes by single unknowns."""
+        gradient = np.zeros(self.fit.unknowns)
+        for k, slope in slopes:
+            gradient[k] += slope
+        return gradient
+
+    def std_of(self, slopes: Slopes) -> float:
+        """Half of the 68 % interval of such a number."""
+        return self.std(self.gradient(slopes))
+
+    def correl(self, numbers: Sequence[FloatArray]) -> Matrix:
+        """Correlations of numbers with gradients (unknowns,) each."""
+        each = np.array(numbers)
+        stds = np.array([self.std(gradient) for gradient in each])
+        with np.errstate(all="ignore"):
+            unit = each / stds[:, None]
+            made = np.clip(unit @ self.covariance @ unit.T, -1.0, 1.0)
+        return tuple(tuple(float(v) for v in row) for row in made)
+
+    def number(self, name: str, value: float, slopes: Slopes, unit: str = "") -> LineNumber:
+        """A number with its error; slopes by single unknowns."""
+        return number_of_line(name, value, self.std_of(slopes), unit, half=ratio95(self.dof))

@@ -21,40 +21,44 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from fitting.lines.choice import EQUAL, criteria_of, gain_p, order_of, wider
+from fitting.lines.choice import (
+    BY_CHANCE,
+    EQUAL,
+    PLAINLY,
+    PRESENT_P,
+    criteria_of,
+    gain_p,
+    order_of,
+    wider,
+)
+from fitting.lines.decay import Decays, fit_decays, fit_law
 from fitting.lines.decay_begin import begin_of
-from fitting.lines.decay_model import Decays, fit_decays, fit_law
-from fitting.lines.decay_record import AMPLITUDES, PHASORS, SAMPLES, DecayRecord
 from fitting.lines.names import TIME_WAY
-from fitting.lines.numbers import Numbers
 from fitting.lines.record import (
+    FormFit,
     LineNumber,
     LineValues,
-    Matrix,
     MeasuredLine,
-    Points,
+    Numbers,
     SecondLine,
-    TriedForm,
+    common_fields,
     fields_of,
     line_numbers,
     number_of_line,
 )
 from fitting.lines.rice import fit_readings
 from fitting.lines.solve import Array, Fit
-from fitting.signal.residual_tests import (
-    SMALLEST_RESIDUAL,
-    STRUCTURED,
-    Structure,
-    residual_structure,
-)
+from fitting.lines.trace import AMPLITUDES, PHASORS, SAMPLES, DecayRecord
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, residual_structure
 from fitting.signal.student import ratio95
 from fitting.signal.time_grid import refuse_clipped
 from fitting.text.errors import BadInput
+from fitting.text.estimate import Interval
 from fitting.text.notation import number, quantity
 
 ALONE, CONSTANT, SECOND, MOVING, NOISE = "alone", "constant", "second", "moving", "noise"
@@ -79,88 +83,52 @@ TERMS: dict[str, dict[str, Any]] = {
     DAMPING: {"damps": True},
     NONLINEAR: {"moves": True, "damps": True},
 }
-#: A decay is there if noise alone were to look like one less often than this.
-SEEN_P = 1e-3
-#: Probability below which chance does not explain what a larger form, or a begin, gains.
-IMPROBABLE = 1e-4
 #: Samples up to which a further line is looked for where residuals seem noise.
 MOST = 200_000
 #: Share of the largest value below zero from which a record swings, as amplitudes do not.
 SWINGS = 0.3
 #: Standard errors, and decays of the amplitude over the record, that a line needs to decay.
 DECAYS_SIGMA, DECAYS = 2.0, 0.02
-#: Akaike's criterion by which a form that was not expected has to be better.
-PLAINLY = 10.0
 #: Times the noise of X above which amplitudes are correlated as it is, and how many at least.
 ABOVE, LEAST = 2.0, 40
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DecayFit:
+class DecayFit(FormFit):
     """A form of the decay as fitted.
 
+    Lines that decay come first, each time the highest at the first sample first; their heights are
+    those there. ``correl`` is of its frequency (not of amplitudes), its FWHM, the amplitude, then
+    shift and extra width where they are fitted.
+
     Attributes:
-        name: of the form.
-        lines: those that decay first, each time the highest at the first sample first.
-        amplitude: of the first line at the first sample.
-        correl: correlations of its frequency (not of amplitudes), its FWHM, the amplitude, then
-            shift and extra width where they are fitted.
-        shift: how far the frequency of the first line is moved at the first sample, Hz.
+        offset: of phasors, from the demodulation frequency, Hz; else None.
+        decay_time: in which the amplitude falls to 1/e, s.
+        decays: whether the first line decays.
+        shift: how far its frequency is moved at the first sample, Hz.
         extra: how much wider it is there than at small amplitudes, Hz.
         background: the constant, complex of phasors; of `noise` that of X and Y each.
         background_std: its error, of complex ones that of either part.
         model: its shapes and terms.
         fit: to the values over the largest one.
-        structure: what the residuals show of the noise.
-        dof: degrees of freedom of the noise; correlated samples count as fewer.
-        likely_squares: those with which normal noise of one size is as likely.
-        heights: complex amplitude of each line over the largest value.
-        curve: fitted values, (n,).
         rival: another form for which the errors hold, too; mostly empty.
     """
 
-    name: str
-    lines: tuple[SecondLine, ...]
-    amplitude: LineNumber
-    correl: Matrix
+    offset: LineNumber | None
+    decay_time: LineNumber
+    decays: bool
     shift: LineNumber
     extra: LineNumber
     background: complex
     background_std: float
     model: Decays
     fit: Fit
-    structure: Structure
-    dof: float
-    likely_squares: float
-    heights: tuple[complex, ...]
-    curve: Array = field(repr=False)
     rival: str = ""
-
-    @property
-    def squares(self) -> float:
-        """Sum of squared residuals over the largest value."""
-        return self.fit.squares
-
-    @property
-    def unknowns(self) -> int:
-        """Number of real unknowns."""
-        return self.fit.unknowns
 
     @property
     def rows(self) -> int:
         """Number of residuals."""
         return self.fit.residuals.size
-
-    @property
-    def is_noise(self) -> bool:
-        """Whether what it leaves is noise, by all tests."""
-        return min(self.structure.p_value, self.structure.sizes_p) >= STRUCTURED
-
-    @property
-    def rms_residual(self) -> float:
-        """Root mean square of the residuals over the amplitude of the first line."""
-        height = abs(self.heights[0])
-        return math.sqrt(self.fit.squares / self.curve.size) / height if height else math.inf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,59 +217,40 @@ def ringdown_of(record: DecayRecord) -> Ringdown:
     try:
         record = replace(record, kind=record.kind or _apparent_kind(record))
         first = begin_of(record.values, record.kind)
-        used, forms = _begun(record, first, known=known)
+        used, forms = _from_start(record, first, known=known)
         best = forms[0]
-        if _presence_p(used, best) > SEEN_P:
+        if _presence_p(used, best) > PRESENT_P:
             raise _no_decay(record)
-        if not best.lines[0].decays:
-            raise _too_short(used, best.lines[0].width)
+        if not best.decays:
+            raise _too_short(used, best.width)
     except BadInput:
         _refuse_clipped(record)  # names what is wrong with the samples, where that is it
         raise
     _refuse_clipped(used)
-    line, second = best.lines[0], best.lines[1] if len(best.lines) > 1 else None
-    assert line.decay_time is not None  # noqa: S101 - every line of a decay has one
-    # of complex values both parts are rows: their samples are worth half of them
-    points = best.structure.points / (2.0 if record.is_complex else 1.0)
-    tried = [
-        TriedForm(
-            **fields_of(form.lines[0], LineValues),
-            name=form.name,
-            rms_residual=form.rms_residual,
-            criterion=float(criterion),
-            structure=form.structure,
-            offset=form.lines[0].offset,
-        )
-        for form, criterion in zip(forms, criteria_of(forms, best.rows), strict=True)
-    ]
+    criteria = criteria_of(forms, best.rows)
     return Ringdown(
-        **fields_of(line, LineValues),
-        source=used.source,
-        unit=used.unit,
+        **common_fields(used, best, best, time_s=used.time_s),
         kind=used.kind,
-        offset=line.offset,
-        decay_time=line.decay_time,
+        offset=best.offset,
+        decay_time=best.decay_time,
         amplitude=best.amplitude,
         shift=best.shift,
         extra=best.extra,
         reference_hz=used.reference_hz,
         form=best.name,
-        forms=tuple(tried),
+        forms=tuple(
+            form.tried(float(criterion), offset=form.offset)
+            for form, criterion in zip(forms, criteria, strict=True)
+        ),
         rival=best.rival,
-        second=second,
+        second=best.second,
         background=abs(best.background) if used.kind == PHASORS else best.background.real,
         background_std=best.background_std,
         begin_s=float(used.time_s[0]),
         left_out=record.values.size - used.values.size,
         spacing_s=used.spacing_s,
         rms_residual=best.rms_residual,
-        dof=best.dof,
-        structure=replace(best.structure, points=points),
         chisqr=best.squares * used.top**2,
-        unknowns=best.unknowns,
-        correl=best.correl,
-        reading=used.reading,
-        points=Points.of(used.values, best.curve, time_s=used.time_s),
     )
 
 
@@ -310,40 +259,33 @@ def _refuse_clipped(record: DecayRecord) -> None:
         refuse_clipped(np.asarray(part), record.source)
 
 
-def _begun(record: DecayRecord, first: int, *, known: bool) -> tuple[DecayRecord, list[DecayFit]]:
+def _from_start(
+    record: DecayRecord, first: int, *, known: bool
+) -> tuple[DecayRecord, list[DecayFit]]:
     """The record from where it decays freely on, and every form of it."""
     whole: list[DecayFit] = []
     with contextlib.suppress(*([BadInput] if first else [])):
         whole = _forms(record, known=known)
-        if first == 0 or (whole[0].is_noise and len(whole[0].lines) == 1):
+        if first == 0 or (whole[0].structure.is_noise and not whole[0].others):
             return record, whole
     part = record.part(first, record.values.size)
     forms = _forms(part, known=known)
-    if len(forms[0].lines) > 1:  # lines that beat look like a begin, to one line
-        earlier = begin_of(record.values, record.kind, len(forms[0].lines))
+    if forms[0].others:  # lines that beat look like a begin, to one line
+        earlier = begin_of(record.values, record.kind, len(forms[0].others) + 1)
         if 0 < earlier < first:
             first, part = earlier, record.part(earlier, record.values.size)
             forms = _forms(part, known=known)
     # the begin of a decay after a drive looks like a second line, too
-    more = whole and len(whole[0].lines) > len(forms[0].lines)
-    if not whole or more or _begins(record, whole, forms, first):
+    more = whole and len(whole[0].others) > len(forms[0].others)
+    if not whole or more:
         return part, forms
-    return record, whole
 
-
-def _begins(
-    record: DecayRecord, whole: Sequence[DecayFit], part: Sequence[DecayFit], first: int
-) -> bool:
-    """Whether the samples before the first do not belong to the decay behind it, by F tests.
-
-    They are compared with the decay that the others have (predictive test), and with one of their
-    own, which a drive that holds the amplitude is, too (test of equal coefficients).
-    """
-    every = next(form for form in whole if form.model.constant)
-    late = next(form for form in part if form.model.constant)
+    # do the samples before the first belong to the decay behind it? By F tests they are compared
+    # with the decay that the others have (predictive test), and with one of their own, which a
+    # drive that holds the amplitude is, too (test of equal coefficients)
+    every, late = (next(form for form in each if form.model.constant) for each in (whole, forms))
     alike = late.structure.together**2
-    before = every.squares * record.top**2
-    behind = late.squares * record.part(first, record.values.size).top ** 2
+    before, behind = every.squares * record.top**2, late.squares * part.top**2
     rows = every.rows - late.rows
     chances = [gain_p(before, behind, max(1.0, rows / alike), late.dof)]
     if rows > 2 * late.unknowns:
@@ -352,7 +294,7 @@ def _begins(
         with contextlib.suppress(ValueError):
             own = fit_decays(model, _scaled(head)).squares * head.top**2
             chances.append(gain_p(before, behind + own, late.unknowns, late.dof))
-    return len(chances) * min(chances) < IMPROBABLE
+    return (part, forms) if len(chances) * min(chances) < BY_CHANCE else (record, whole)
 
 
 def _apparent_kind(record: DecayRecord) -> str:
@@ -373,37 +315,35 @@ def _apparent_kind(record: DecayRecord) -> str:
 
 def _forms(record: DecayRecord, *, known: bool) -> list[DecayFit]:
     """Every form of the record, the one that is taken first."""
-    if record.kind == AMPLITUDES:
-        return _of_amplitudes(record, known=known)
     try:
         one = _form(record, CONSTANT)
     except ValueError as error:
+        if record.kind == AMPLITUDES:
+            raise
         raise _no_decay(record) from error
+    if record.kind == AMPLITUDES:
+        return _of_amplitudes(record, one, known=known)
+
+    # where one line does not leave noise: a law of its frequency or damping, else two lines; all of
+    # them have to gain more than noise lets them
     closer: list[DecayFit] = []
-    if one.squares > one.rows * SMALLEST_RESIDUAL**2 and (not one.is_noise or one.rows <= MOST):
-        closer = _closer(record, one)
+    is_noise = one.structure.is_noise
+    if one.squares > one.rows * SMALLEST_RESIDUAL**2 and (not is_noise or one.rows <= MOST):
+        if not is_noise:
+            closer = [f for f in _fitted(record, (MOVING, DAMPING), one) if _gains(one, f)]
+            moving = [f for f in closer if f.name == MOVING and not f.structure.is_noise]
+            if moving:
+                closer += _fitted(record, (NONLINEAR,), moving[0])
+        if not any(form.structure.is_noise for form in closer):
+            closer += _fitted(record, (SECOND,), one)
+        closer = [form for form in closer if _gains(one, form)]
     rest = [one, *_fitted(record, (ALONE,), one)]
     order = order_of(closer, criteria_of(closer, one.rows)) if closer else []
     return [*(closer[k] for k in order), *rest]
 
 
-def _closer(record: DecayRecord, one: DecayFit) -> list[DecayFit]:
-    """Larger forms that gain more than noise lets them; where one line leaves noise, two lines."""
-    closer: list[DecayFit] = []
-    if not one.is_noise:
-        closer = _fitted(record, (MOVING, DAMPING), one)
-        closer = [form for form in closer if _gain(one, form) < IMPROBABLE]
-        moving = [form for form in closer if form.name == MOVING and not form.is_noise]
-        if moving:
-            closer += _fitted(record, (NONLINEAR,), moving[0])
-    if not any(form.is_noise for form in closer):
-        closer += _fitted(record, (SECOND,), one)
-    return [form for form in closer if _gain(one, form) < IMPROBABLE]
-
-
-def _of_amplitudes(record: DecayRecord, *, known: bool) -> list[DecayFit]:
+def _of_amplitudes(record: DecayRecord, constant: DecayFit, *, known: bool) -> list[DecayFit]:
     """Forms of amplitudes: in Rice's noise where they are known to be such, else the closer one."""
-    constant = _form(record, CONSTANT)
     noise = [] if np.any(record.values < 0.0) else _fitted(record, (NOISE,), constant)
     forms = [*noise, constant]
     if noise:
@@ -413,10 +353,24 @@ def _of_amplitudes(record: DecayRecord, *, known: bool) -> list[DecayFit]:
         if not known and abs(here - there) < EQUAL:
             forms[0] = _covering(*forms)
     best = forms[0]
-    if best.is_noise or best.squares <= best.rows * SMALLEST_RESIDUAL**2:
+    if best.structure.is_noise or best.squares <= best.rows * SMALLEST_RESIDUAL**2:
         return forms
-    bent = [form for form in _fitted(record, (DAMPING,), best) if _gain(best, form) < IMPROBABLE]
-    return [*bent, *forms]
+    return [*(form for form in _fitted(record, (DAMPING,), best) if _gains(best, form)), *forms]
+
+
+def _covering(form: DecayFit, rival: DecayFit) -> DecayFit:
+    """A form with errors that hold for another one, too, which describes the samples as well."""
+    width = wider(form.width, [rival.width], form.dof)
+    factor = width.std / form.width.std
+    time = form.decay_time
+    return replace(
+        form,
+        width=width,
+        q=replace(form.q, std=form.q.std * factor),  # what follows from the width alone
+        decay_time=replace(time, std=time.std * factor, ci95=_times(width.ci95)),
+        amplitude=wider(form.amplitude, [rival.amplitude], form.dof),
+        rival=rival.name,
+    )
 
 
 def _fitted(record: DecayRecord, names: Sequence[str], near: DecayFit) -> list[DecayFit]:
@@ -425,11 +379,11 @@ def _fitted(record: DecayRecord, names: Sequence[str], near: DecayFit) -> list[D
     for name in names:
         with contextlib.suppress(ValueError, np.linalg.LinAlgError):
             forms.append(_form(record, name, near))
-    return [form for form in forms if math.isfinite(form.lines[-1].width.std)]
+    return [form for form in forms if math.isfinite((form.second or form).width.std)]
 
 
 def _form(record: DecayRecord, name: str, near: DecayFit | None = None) -> DecayFit:
-    """A form of a record, begun at one line with what is next to it.
+    """A form of a record, started at one line with what is next to it.
 
     Raises:
         ValueError: it cannot be fitted.
@@ -438,15 +392,15 @@ def _form(record: DecayRecord, name: str, near: DecayFit | None = None) -> Decay
     in_noise = name == NOISE or (near is not None and near.name == NOISE)
     terms = TERMS[name] | ({"constant": False} if in_noise else {})
     model = Decays(samples=y.size, kind=record.kind, **terms)
-    begun = None if near is None else near.fit
-    if in_noise and begun is not None:
-        law = [begun.x[-1]] * model.damps
-        fit, likely = fit_readings(model, np.asarray(y, dtype=float), [np.array([*begun.x, *law])])
+    start = None if near is None else near.fit
+    if in_noise and start is not None:
+        x = np.array([*start.x, *[start.x[-1]] * model.damps])
+        fit, likely = fit_readings(model, np.asarray(y, dtype=float), [x])
         return _numbers(record, name, model, fit, likely)
-    if begun is not None and (model.moves or model.damps):
-        fit = fit_law(model, y, begun)
+    if start is not None and (model.moves or model.damps):
+        fit = fit_law(model, y, start)
     else:
-        fit = fit_decays(model, y, begun if name == SECOND else None)
+        fit = fit_decays(model, y, start if name == SECOND else None)
     return _numbers(record, name, model, fit, fit.squares)
 
 
@@ -456,65 +410,64 @@ def _scaled(record: DecayRecord) -> Array:
     return y if record.kind == PHASORS else np.asarray(y.real)
 
 
-def _structure(model: Decays, fit: Fit) -> Structure:
-    """What residuals show; of amplitudes in noise those above it, where its correlation shows."""
-    rows, jacobian = fit.residuals, fit.jacobian
+def _numbers(record: DecayRecord, name: str, model: Decays, fit: Fit, likely: float) -> DecayFit:
+    """A form with its numbers and their errors."""
+    # residuals of amplitudes in noise show its correlation where they are above it
+    rows, jacobian, top, span = fit.residuals, fit.jacobian, record.top, record.span_s
     if model.kind == AMPLITUDES and not model.constant:
         loud = fit.curve > ABOVE * float(fit.coefficients[-1])
         if np.count_nonzero(loud) >= LEAST:
             rows, jacobian = rows[loud], jacobian[loud]
-    return residual_structure(rows, jacobian[:, : model.count], jacobian[:, model.count :])
+    first = model.count
+    structure = residual_structure(rows, jacobian[:, :first], jacobian[:, first:])
+    numbers = Numbers(fit, structure=structure)
 
-
-def _numbers(record: DecayRecord, name: str, model: Decays, fit: Fit, likely: float) -> DecayFit:
-    """A form with its numbers and their errors."""
-    numbers = Numbers(fit, structure=_structure(model, fit))
-    first, span = model.count, record.span_s
+    # lines in their order, the height of each, and the amplitude of the first one
     parts = 1 if model.kind == AMPLITUDES else 2
-    coefficients = fit.coefficients
+    heights = fit.coefficients[: model.lines]
     if model.kind == SAMPLES:  # the real part of a + i b
-        coefficients = coefficients[: 2 * model.lines].reshape(-1, 2) @ np.array([1.0, 1j])
-    heights = coefficients[: model.lines]
+        heights = fit.coefficients[: 2 * model.lines].reshape(-1, 2) @ np.array([1.0, 1j])
     lines = [_line(record, model, numbers, k) for k in range(model.lines)]
     order = sorted(range(model.lines), key=lambda k: (not lines[k].decays, -abs(heights[k])))
     size, at = float(abs(heights[order[0]])), first + parts * order[0]
     along = np.array([heights[order[0]].real, heights[order[0]].imag][:parts]) / (size or 1.0)
-    slopes = [(at + k, record.top * float(part)) for k, part in enumerate(along)]
-    amplitude = numbers.number("amplitude", record.top * size, slopes, record.unit)
-    # frequency and width, and the law, in units that do not matter
+    slopes = [(at + k, top * float(part)) for k, part in enumerate(along)]
+    line, *others = (replace(lines[j], share=float(abs(heights[j])) / size) for j in order)
+    assert line.decay_time is not None  # noqa: S101 - every line of a decay has one
+
+    # what the frequency and the damping follow; correlations in units that do not matter
+    law, k = {}, model.each * model.lines
+    for what, there in {"shift": model.moves, "extra": model.damps}.items():
+        value = float(fit.x[k]) / span if there else 0.0
+        law[what] = numbers.number(what, value, [(k, 1.0 / span)] if there else [], "Hz")
+        k += there
     place = np.eye(model.each, fit.unknowns, model.each * order[0])
     law_of = np.eye(model.moves + model.damps, fit.unknowns, model.each * model.lines)
-    correl = numbers.correl([*place, numbers.gradient(slopes), *law_of])
-    law = {"shift": model.moves, "extra": model.damps}
-    made, k = [], model.each * model.lines
-    for what, there in law.items():
-        value = float(fit.x[k]) / span if there else 0.0
-        made.append(numbers.number(what, value, [(k, 1.0 / span)] if there else [], "Hz"))
-        k += there
-    shift, extra = made
     # of amplitudes without a constant the last one is the noise of X and Y
     last = model.constant or model.kind == AMPLITUDES
-    background = record.top * complex(fit.coefficients[-1]) if last else 0j
-    std = 0.0
-    if model.constant:
-        std = record.top * numbers.std_of([(first + parts * model.lines, 1.0)])
-    shares = [replace(lines[j], share=float(abs(heights[j])) / size) for j in order]
+    constant = [(first + parts * model.lines, 1.0)] if model.constant else []
     return DecayFit(
+        **fields_of(line, LineValues),
         name=name,
-        lines=tuple(shares),
-        amplitude=amplitude,
-        correl=correl,
-        shift=shift,
-        extra=extra,
-        background=background,
-        background_std=std,
+        offset=line.offset,
+        decay_time=line.decay_time,
+        decays=line.decays,
+        others=tuple(others),
+        amplitude=numbers.number("amplitude", top * size, slopes, record.unit),
+        correl=numbers.correl([*place, numbers.gradient(slopes), *law_of]),
+        shift=law["shift"],
+        extra=law["extra"],
+        background=top * complex(fit.coefficients[-1]) if last else 0j,
+        background_std=top * numbers.std_of(constant),
+        rms_residual=math.sqrt(fit.squares / fit.curve.size) / size if size else math.inf,
         model=model,
         fit=fit,
-        structure=numbers.structure,
+        structure=structure,
         dof=numbers.dof,
+        unknowns=fit.unknowns,
+        squares=fit.squares,
         likely_squares=likely,
-        heights=tuple(complex(heights[j]) for j in order),
-        curve=record.top * fit.curve,
+        curve=top * fit.curve,
     )
 
 
@@ -527,7 +480,7 @@ def _line(record: DecayRecord, model: Decays, numbers: Numbers, k: int) -> Secon
     if model.kind != AMPLITUDES:
         rings, rings_std = turns / span, numbers.std_of([(at, 1.0 / span)])
     if model.kind == SAMPLES:
-        rings = abs(rings)  # what turns backwards is the same
+        rings = abs(rings)  # negative turns are the same
     if model.kind == PHASORS:
         offset = number_of_line("offset", rings, rings_std, half=ratio95(numbers.dof))
         rings += record.reference_hz
@@ -542,46 +495,32 @@ def _line(record: DecayRecord, model: Decays, numbers: Numbers, k: int) -> Secon
         numbers.dof,
         q_by_width=True,
     )
-    slow, fast = (max(end, 1e-300) for end in made["width"].ci95)
     time = 1.0 / (math.pi * width)
-    ci95 = 1.0 / (math.pi * fast), 1.0 / (math.pi * slow)
+    time_std, ci95 = abs(time * width_std / width), _times(made["width"].ci95)
     return SecondLine(
         **made,
         share=1.0,
         decays=width > DECAYS_SIGMA * width_std and math.pi * width * span > DECAYS,
         offset=offset,
-        decay_time=number_of_line(
-            "decay_time", time, abs(time * width_std / width), "s", ci95=ci95
-        ),
+        decay_time=number_of_line("decay_time", time, time_std, "s", ci95=ci95),
     )
 
 
-def _covering(form: DecayFit, rival: DecayFit) -> DecayFit:
-    """A form with errors that hold for another one, too, which the samples do not tell from it."""
-    line, other = form.lines[0], rival.lines[0]
-    width = wider(line.width, [other.width], form.dof)
-    factor = width.std / line.width.std
-    # what follows from the width alone
-    q = replace(line.q, std=line.q.std * factor)
-    decay_time = line.decay_time
-    if decay_time is not None:
-        slow, fast = (max(end, 1e-300) for end in width.ci95)
-        ci95 = 1.0 / (math.pi * fast), 1.0 / (math.pi * slow)
-        decay_time = replace(decay_time, std=decay_time.std * factor, ci95=ci95)
-    lines = (replace(line, width=width, q=q, decay_time=decay_time), *form.lines[1:])
-    amplitude = wider(form.amplitude, [rival.amplitude], form.dof)
-    return replace(form, lines=lines, amplitude=amplitude, rival=rival.name)
+def _times(widths: Interval) -> Interval:
+    """Decay times at the ends of an interval of the width, s."""
+    slow, fast = (max(end, 1e-300) for end in widths)
+    return 1.0 / (math.pi * fast), 1.0 / (math.pi * slow)
 
 
 # --- what contradicts a decay --------------------------------------------------------------------
 
 
-def _gain(before: DecayFit, after: DecayFit) -> float:
-    """Probability that noise, at any of the samples, lets a larger form leave so much less."""
+def _gains(before: DecayFit, after: DecayFit) -> bool:
+    """Whether a larger form leaves so much less that noise at any of the samples is no reason."""
     if before.squares <= after.rows * SMALLEST_RESIDUAL**2:
-        return 1.0
+        return False
     more = max(1, after.unknowns - before.unknowns)
-    return after.rows * gain_p(before.squares, after.squares, more, after.dof)
+    return after.rows * gain_p(before.squares, after.squares, more, after.dof) < BY_CHANCE
 
 
 def _presence_p(record: DecayRecord, form: DecayFit) -> float:

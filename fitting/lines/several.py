@@ -4,8 +4,8 @@ The residuals of the best single line are compared with a line at every place an
 
     r(f) = Re[c g'(f)]  of amplitudes,        r(f) = c g'(f)  of complex values,
 
-and two lines with one top are begun next to each other about it, lines of complex values also at
-poles (`fitting.lines.poles`). All lines are then fitted together. A further one is there where
+and two lines with one top are started next to each other about it, lines of complex values also at
+poles (`fitting.lines.starts`). All lines are then fitted together. A further one is there where
 noise gains as much, at any of the points, less often than `BY_CHANCE` over every model of fewer, a
 bent one included.
 
@@ -23,14 +23,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lines.choice import chance
+from fitting.lines.choice import BY_CHANCE, chance
 from fitting.lines.form import AMPLITUDE_FORMS, COMPLEX_FORMS, Form, LineFit, fit_form
-from fitting.lines.poles import poles
+from fitting.lines.lorentzian import mode_response
 from fitting.lines.record import LineValues, SecondLine
-from fitting.lines.starts import Start
+from fitting.lines.starts import Start, poles
 from fitting.lines.sweep_model import Place
-from fitting.signal.peaks import mode_response
-from fitting.signal.residual_tests import STRUCTURED
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 
@@ -40,8 +38,8 @@ APART = 3.0
 NARROWEST, WIDEST, OF_SPAN, LEAST_POINTS = 0.125, 8.0, 0.125, 1.5
 #: Numbers of one comparison of places and points, at most.
 MOST_PLACES = 4_000_000
-#: Gain over the noise from which both lines are fitted, and probability that noise gains as much.
-WORTH_TRYING, BY_CHANCE = 20.0, 1e-4
+#: Gain over the noise from which both lines are fitted.
+WORTH_TRYING = 20.0
 #: Share of the squares of one line that two explain where their own residuals are not noise.
 EXPLAINED = 0.75
 #: Probability of white noise from which residuals are noise.
@@ -124,22 +122,20 @@ def two_line_fits(
         forms: those that are tried with a second line, the simple ones.
         weights: relative ones of the values, (n,).
     """
-    if frequency_hz.size < FEWEST:
+    f = frequency_hz
+    if f.size < FEWEST:
         return []
     one_top = not any(fit.structure.order == 0 for fit in singles)
-    starts = list(_starts(frequency_hz, values, singles[0], one_top=one_top))
-    made = []
-    for form in forms if starts else ():
+    least, made = min(single.squares for single in singles), []
+    for fit in with_one_more(f, values, singles[0], forms, weights, one_top=one_top):
+        both = fit
         with contextlib.suppress(BadInput):
-            two = replace(form, further=1)
-            both = fit_form(frequency_hz, values, two, starts, weights=weights)
             if both.others[0].share > 1.0:  # the higher one is the first
-                both = fit_form(frequency_hz, values, two, [_begun(both)], weights=weights)
+                both = fit_form(f, values, both.form, [_start_at(both)], weights=weights)
             white = both.structure.p_value > NOISE_P
-            least = min(single.squares for single in singles)
             if not (white or both.squares <= (1.0 - EXPLAINED) * least):
                 continue
-            if shows_all(frequency_hz, both) and not_by_chance(values, singles, both):
+            if shows_all(f, both) and not_by_chance(values, singles, both):
                 made.append(both)
     return made
 
@@ -150,6 +146,8 @@ def with_one_more(
     fewer: LineFit,
     forms: Sequence[Form],
     weights: FloatArray | None = None,
+    *,
+    one_top: bool,
 ) -> list[LineFit]:
     """Every form with one line more than a fit has, as far as it can be fitted.
 
@@ -159,8 +157,9 @@ def with_one_more(
         fewer: the best fit of the lines before.
         forms: the simple ones.
         weights: relative ones of the values, (n,).
+        one_top: whether two lines may have one top.
     """
-    starts = list(_starts(frequency_hz, values, fewer, one_top=not is_noise(fewer)))
+    starts = list(_starts(frequency_hz, values, fewer, one_top=one_top))
     made = []
     for form in forms if starts else ():
         with contextlib.suppress(BadInput):
@@ -210,15 +209,6 @@ def fit_lines(
     return None
 
 
-def is_noise(fit: LineFit) -> bool:
-    """Whether residuals are noise of one size, by both tests.
-
-    Args:
-        fit: of lines.
-    """
-    return min(fit.structure.p_value, fit.structure.sizes_p) >= STRUCTURED
-
-
 def shows_all(frequency_hz: FloatArray, fit: LineFit) -> bool:
     """Whether points show every line: its top among them, and a width and height that they resolve.
 
@@ -256,8 +246,8 @@ def not_by_chance(
     )
 
 
-def _begun(fit: LineFit) -> Start:
-    """Where lines begin that were fitted, the higher one of two first."""
+def _start_at(fit: LineFit) -> Start:
+    """Where lines start that were fitted, the higher one of two first."""
     delay = 0.0 if fit.delay is None else fit.delay.value
     lines = [(Place(line.frequency.value, line.width.value), line) for line in (fit, *fit.others)]
     heights = [1.0 + 0j, *(other.height for other in fit.others)]
@@ -271,24 +261,24 @@ def _begun(fit: LineFit) -> Start:
 def _starts(
     f: FloatArray, values: FloatArray | ComplexArray, fewer: LineFit, *, one_top: bool
 ) -> Iterator[Start]:
-    """Where one more line may begin: at the residuals, and next to the one of a common top."""
-    begun = _begun(fewer)
+    """Where one more line may start: at the residuals, and next to the one of a common top."""
+    near = _start_at(fewer)
     place = _place(f, values, fewer)
     if place is not None:
         at, width, height = place
-        yield replace(begun, others=(*begun.others, (Place(at, width), height)))
+        yield replace(near, others=(*near.others, (Place(at, width), height)))
     if not one_top:
         return
-    lines = [(Place(begun.frequency_hz, begun.width_hz), 1.0 + 0j), *begun.others]
+    lines = [(Place(near.frequency_hz, near.width_hz), 1.0 + 0j), *near.others]
     for k, ((middle, width), height) in enumerate(lines):
         for low, up, one, two in PAIRS:
             here = Place(middle + low * width, one * width)
-            # heights of complex values are linear: it does not matter where they begin
+            # heights of complex values are linear: it does not matter where they start
             for phase in PHASES[: 1 if np.iscomplexobj(values) else None]:
                 other = Place(middle + up * width, two * width), height * cmath.rect(1.0, phase)
                 both = [*lines[:k], (here, height), *lines[k + 1 :], other]
                 eta, wide = both[0][0]
-                yield replace(begun, frequency_hz=eta, width_hz=wide, others=tuple(both[1:]))
+                yield replace(near, frequency_hz=eta, width_hz=wide, others=tuple(both[1:]))
 
 
 def _place(
@@ -297,7 +287,7 @@ def _place(
     """Where one more line would explain most of the residuals; None where that is little."""
     residuals = (values - best.curve) / float(np.max(np.abs(values)))
     span, spacing = float(np.ptp(f)), float(np.median(np.diff(f)))
-    found = []
+    gains = []
     width = max(LEAST_POINTS * spacing, NARROWEST * best.width.value)
     while width <= min(WIDEST * best.width.value, OF_SPAN * span):
         count = max(2, int(2.0 * span / width))
@@ -306,11 +296,11 @@ def _place(
             apart = 0.5 * APART * (width + line.width.value)
             places = places[np.abs(places - line.frequency.value) > apart]
         if 0 < places.size * f.size <= MOST_PLACES:
-            found.append(_best_of(f, residuals, places, width))
+            gains.append(_best_of(f, residuals, places, width))
         width *= 2.0
-    if not found:
+    if not gains:
         return None
-    gain, at, width, height = max(found, key=lambda each: each[0])
+    gain, at, width, height = max(gains, key=lambda each: each[0])
     rows = residuals.size * (2 if np.iscomplexobj(values) else 1)
     noise = max((best.squares - gain) / max(1, rows - best.unknowns), 1e-12)
     size = best.amplitude.value / float(np.max(np.abs(values)))

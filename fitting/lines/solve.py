@@ -9,9 +9,17 @@ alone, of which the derivatives are, dB = W dB/dx,
 
 so that one call of MINPACK's Levenberg-Marquardt fits any model with analytic derivatives. Values
 are real, or complex with complex c; rows of complex residuals are all real parts, then all
-imaginary ones. A likelihood other than the normal one has all unknowns in one call instead.
+imaginary ones.
 
-Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.
+The densities y of a noise spectrum have all unknowns in one call instead (`fit_densities`), by
+residuals whose squares are twice the loss of Whittle's log likelihood at the density S of a curve,
+
+    r = sign(y - S) sqrt(2 (y/S - 1 - ln(y/S)))
+
+so that the least sum of squares is the largest likelihood, and J^T J there is the information.
+
+Source: G. Golub and V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; P. Whittle, Ark. Mat. 2 (1953)
+423; P. McCullagh and J. Nelder, Generalized Linear Models, section 2.3 (deviance residuals).
 """
 
 from __future__ import annotations
@@ -25,14 +33,15 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from scipy.optimize import leastsq
 
-from fitting.lines.likelihood import Likelihood
 from fitting.signal.residual_tests import Structure, residual_structure
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 
 #: Relative gain of the squares, and step, at which the solver ends; evaluations at most.
 TOLERANCE, FINEST, EVALUATIONS = 1e-10, 1e-14, 400
 #: Share of a column that other columns lack, below which it is one of them.
 COLLINEAR = 1e-11
+#: Relative deviation of a density below which the logarithm of its loss is a series.
+SMALL_LOSS = 1e-4
 #: Condition of the scaled derivatives from which a direction is not determined.
 UNDETERMINED = 1e-13
 #: Share of the largest singular value below which a direction may be folded; first step along it.
@@ -125,13 +134,12 @@ class Fit:
         return np.asarray(weighted.T @ weighted / np.outer(sizes, sizes))
 
 
-def fit_model(  # noqa: PLR0913 - what a fit may know
+def fit_model(
     model: Model,
     values: Array,
     starts: Sequence[FloatArray],
     *,
     weights: FloatArray | None = None,
-    likelihood: Likelihood | None = None,
     pull: FloatArray | None = None,
     tries: int = 1,
 ) -> Fit:
@@ -140,10 +148,8 @@ def fit_model(  # noqa: PLR0913 - what a fit may know
     Args:
         model: the curve.
         values: measured, shape (n,), real or complex, of order one.
-        starts: where x may begin, one at least, shape (q,) each; with a likelihood all unknowns,
-            the coefficients last, (q + k,).
+        starts: where x may start, one at least, shape (q,) each.
         weights: one over the standard deviation of every value, shape (n,); None: all are alike.
-        likelihood: of the values; None: normal noise of one size.
         pull: weights of rows ``pull * x`` that count with the residuals, (q,); they are not among
             those of the result.
         tries: from how many starts the fit is made, those with the least sums of squares; the best
@@ -152,9 +158,6 @@ def fit_model(  # noqa: PLR0913 - what a fit may know
     Raises:
         ValueError: fewer rows than unknowns, or a curve that is not finite.
     """
-    if likelihood is not None:
-        ends = [_likeliest(model, values, start, likelihood) for start in starts]
-        return min(ends, key=lambda end: end.squares if math.isfinite(end.squares) else math.inf)
     problem = _Problem(model, values, weights, pull)
     if tries < len(starts):
         starts = sorted(starts, key=lambda x: problem.at(x).squares)[:tries]
@@ -288,13 +291,21 @@ def _minimum(
     return np.asarray(x, dtype=float), bool(converged), " ".join(str(message).split())
 
 
-def _likeliest(model: Model, values: Array, start: FloatArray, likelihood: Likelihood) -> Fit:
-    """The fit of largest likelihood near a start, all unknowns in one call.
+def fit_densities(model: Model, densities: FloatArray, start: FloatArray) -> Fit:
+    """The fit of largest likelihood near a start, to densities that are single periodograms.
 
-    Its jacobian is that of the expected information: of derivatives over deviations.
+    Those of an average of M have errors that are smaller by sqrt(M).
+
+    Args:
+        model: the curve.
+        densities: measured, shape (n,), above zero.
+        start: of all unknowns, the coefficients last, (q + k,).
+
+    Raises:
+        ValueError: fewer rows than unknowns.
     """
-    count = start.size - model.columns(start).values.shape[1]
-    measured = np.asarray(values, dtype=float)
+    count, tiny = start.size - model.columns(start).values.shape[1], np.finfo(float).tiny
+    measured = np.maximum(densities, tiny)
 
     def curve(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
         columns = model.columns(unknowns[:count])
@@ -302,12 +313,26 @@ def _likeliest(model: Model, values: Array, start: FloatArray, likelihood: Likel
         slopes = np.concatenate([moved, columns.values], axis=1)
         return np.asarray(columns.values @ unknowns[count:]), np.asarray(slopes)
 
+    def loss(unknowns: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """y/S - 1, the root of the loss, and where both are so small that it is a series."""
+        off = measured / np.maximum(curve(unknowns)[0], tiny) - 1.0
+        small = np.abs(off) < SMALL_LOSS
+        safe = np.where(small, 1.0, off)
+        series = off**2 * (0.5 - off / 3.0 + 0.25 * off**2)
+        values = np.where(small, series, safe - np.log1p(safe))
+        return off, np.sqrt(np.maximum(values, 0.0)), small
+
     def residuals(unknowns: FloatArray) -> FloatArray:
-        return likelihood.residuals(measured, curve(unknowns)[0])[0]
+        off, size, _ = loss(unknowns)
+        return np.asarray(math.sqrt(2.0) * np.sign(off) * size)
 
     def jacobian(unknowns: FloatArray) -> FloatArray:
+        off, size, small = loss(unknowns)
         there, slopes = curve(unknowns)
-        return likelihood.residuals(measured, there)[1][:, None] * slopes
+        # d loss/dS = -off/S, of which half over the size stays finite where values meet the curve
+        root = 0.5 * np.abs(off) / np.where(small, 1.0, size)
+        share = np.where(small, np.sqrt(0.5) * (1.0 + off / 3.0), root)
+        return (-math.sqrt(2.0) * share / np.maximum(there, tiny))[:, None] * slopes
 
     unknowns, converged, message = _minimum(residuals, jacobian, start)
     there, slopes = curve(unknowns)
@@ -316,7 +341,7 @@ def _likeliest(model: Model, values: Array, start: FloatArray, likelihood: Likel
         coefficients=unknowns[count:],
         curve=there,
         residuals=residuals(unknowns),
-        jacobian=-slopes / likelihood.deviation(there)[:, None],
+        jacobian=-slopes / there[:, None],  # of the expected information
         converged=converged,
         message=message,
     )

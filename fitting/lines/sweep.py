@@ -8,7 +8,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.lines.choice import SIMPLER, Spread, chance, criteria_of, order_of, with_rivals
+from fitting.lines.choice import (
+    PLAINLY,
+    PRESENT_P,
+    SIMPLER,
+    chance,
+    criteria_of,
+    order_of,
+    with_rivals,
+)
 from fitting.lines.form import (
     AMPLITUDE_FORMS,
     COMPLEX_FORMS,
@@ -16,15 +24,13 @@ from fitting.lines.form import (
     LineFit,
     fit_form,
 )
-from fitting.lines.likelihood import noise_weights
 from fitting.lines.names import MIN_SWEEP_POINTS
 from fitting.lines.null import Null, NullKind, beyond_ends, null_models
-from fitting.lines.record import LineValues, TriedForm, fields_of, no_line
+from fitting.lines.record import TriedForm, no_line
 from fitting.lines.several import (
     TwoLines,
     TwoResonances,
     as_two,
-    is_noise,
     not_by_chance,
     shows_all,
     two_line_fits,
@@ -39,18 +45,13 @@ from fitting.lines.starts import (
 )
 from fitting.lines.sweep_model import Place
 from fitting.signal.misfit import Misfit, correlation
-from fitting.signal.residual_tests import TOGETHER
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, number, with_error
 
 #: Line widths that a sweep spans at least for a delay to differ from the phase of the line itself.
 WIDTHS_FOR_DELAY = 3.0
-#: Probability of noise, over all points, above which a model without a line describes a sweep, and
-#: the criterion by which a line has to be better.
-PRESENT_P, PRESENT = 1e-3, 10.0
-#: Residuals below this share of the largest value are rounding.
-ROUNDING = 1e-6
 #: Points at an end of which one is the largest where the end cuts off a line.
 AT_END = 3
 #: Standard errors that a line is high at least.
@@ -64,8 +65,9 @@ AHEAD = 2
 OBSERVED, SUPPOSED = 1.0, 3.0
 #: Error over the width of a line from which its numbers are not printed.
 UNRESOLVED = 0.5
-#: Probability of noise of one size below which its size is fitted, and least range of weights.
-UNEQUAL_P, LEAST_UNEQUAL = 1e-3, 0.5
+#: Least range of weights of noise that grows with the amplitude, rounds of its fit, and least share
+#: of a variance.
+LEAST_UNEQUAL, ROUNDS, LEAST_VARIANCE = 0.5, 30, 1e-6
 #: Forms that are tried with a second line.
 WITH_SECOND = {
     True: ("transmission", "fano", "sloped"),
@@ -130,7 +132,7 @@ class SweepSearch:
         """Number of residuals."""
         return self.values.size * (2 if self.is_complex else 1)
 
-    def fit(self) -> Spread:
+    def fit(self) -> LineFit:
         """The one line.
 
         Raises:
@@ -164,9 +166,6 @@ class SweepSearch:
         chosen = fits[first]
         self.check_describes(chosen)
         self.check_ends(chosen)
-        spread = with_rivals(fits, criteria, first)
-        if self.wanted:  # a form that is requested has no rivals
-            spread = Spread(chosen)
         height = chosen.amplitude
         if not height.value > HIGH * height.std and not chosen.mirrored:
             raise BadInput(
@@ -174,14 +173,16 @@ class SweepSearch:
                 f"line, {with_error(height.value, height.std, '')}, is below "
                 f"{HIGH:.0f} of its standard errors"
             )
-        tried = [self.tried(fits[k], float(criteria[k])) for k in order]
+        tried = [_tried(fits[k], float(criteria[k])) for k in order]
         if both:
             single = criteria_of(singles, self.rows) + self.beyond(chosen, singles)
-            tried += [self.tried(fit, float(c)) for fit, c in zip(singles, single, strict=True)]
-        return replace(spread, forms=(*tried, *failed))
+            tried += [_tried(fit, float(c)) for fit, c in zip(singles, single, strict=True)]
+        if not self.wanted:  # a form that is requested has no rivals
+            chosen = with_rivals(fits, criteria, first)
+        return replace(chosen, forms=(*tried, *failed))
 
-    def fit_several(self, count: int | None) -> Spread:
-        """So many lines, each new one begun where the others leave most; None: those that gain.
+    def fit_several(self, count: int | None) -> LineFit:
+        """So many lines, each new one started where the others leave most; None: those that gain.
 
         A line gains where noise alone does not explain it, by every fit of fewer (`not_by_chance`).
 
@@ -203,9 +204,10 @@ class SweepSearch:
         ]
         best, before = fits, [*fits]
         while len(fits[0].others) + 1 < (count or len(best[0].others) + 1 + AHEAD):
-            if not count and is_noise(best[0]):
+            if not count and best[0].structure.is_noise:
                 break
-            made = with_one_more(self.f, self.values, fits[0], tried, self.weights)
+            one_top = not fits[0].structure.is_noise
+            made = with_one_more(self.f, self.values, fits[0], tried, self.weights, one_top=one_top)
             shown = [fit for fit in made if shows_all(self.f, fit)]
             made = shown or (made if count else [])
             if not made:
@@ -225,8 +227,8 @@ class SweepSearch:
         if not fits[0].others:
             return self.fit()  # with all that contradicts one line
         self.check_describes(fits[0])
-        forms_tried = [self.tried(fit, float(c)) for fit, c in zip(fits, criteria, strict=True)]
-        return Spread(fits[0], forms=tuple(forms_tried))
+        forms_tried = [_tried(fit, float(c)) for fit, c in zip(fits, criteria, strict=True)]
+        return replace(fits[0], forms=tuple(forms_tried))
 
     @property
     def forms(self) -> dict[str, Form]:
@@ -245,17 +247,39 @@ class SweepSearch:
         return hertz(*self.f[[0, -1]], digits=8, joined=" and ")
 
     def noise_weights(self, closest: LineFit) -> FloatArray | None:
-        """Weights of points whose noise grows with the amplitude; None where it has one size."""
+        """Weights of points whose noise grows with the amplitude; None where it has one size.
+
+            sigma_i^2 = a^2 + (r |m_i|)^2        a absolute, r relative, m the curve
+
+        is that of largest likelihood of the residuals. Weights are one over it, one where the curve
+        is largest.
+
+        Source: R. Carroll and D. Ruppert, Transformation and Weighting in Regression, chapter 3.
+        """
         known = self.weights is not None or closest.form.single  # Rice's noise is unequal
-        if known or closest.structure.sizes_p >= UNEQUAL_P:
+        if known or closest.structure.sizes_p >= PRESENT_P:
             return None
-        weights = noise_weights(self.values - closest.curve, closest.curve)
+        size = np.abs(closest.curve) / float(np.max(np.abs(closest.curve)))
+        squares = np.abs(self.values - closest.curve) ** 2
+        design = np.stack([np.ones_like(size), size**2], axis=1)
+        mean = float(np.mean(squares))
+        variances = np.full(2, mean)
+        for _ in range(ROUNDS):
+            sizes = np.maximum(design @ variances, LEAST_VARIANCE * mean)
+            # squares of normal deviates scatter as their variances
+            solved = np.linalg.lstsq(design / sizes[:, None], squares / sizes, rcond=None)[0]
+            solved = np.maximum(solved, LEAST_VARIANCE * mean)
+            if np.allclose(solved, variances, rtol=1e-3, atol=0.0):
+                break
+            variances = solved
+        sizes = np.maximum(design @ variances, LEAST_VARIANCE * mean)
+        weights = np.asarray(np.sqrt(np.sum(variances) / sizes))
         return weights if float(np.ptp(weights)) > LEAST_UNEQUAL else None
 
     # --- models of one line ----------------------------------------------------------------------
 
     def starts(self) -> list[Start]:
-        """Where fits of one line may begin."""
+        """Where fits of one line may start."""
         if self.is_complex:
             return complex_starts(self.f, np.asarray(self.values, dtype=complex))
         return amplitude_starts(self.f, np.asarray(self.values, dtype=float), phased=True)
@@ -266,10 +290,10 @@ class SweepSearch:
         failed: list[TriedForm] = []
         hidden: list[LineFit] = []
 
-        def attempt(form: Form, begun: Sequence[Start]) -> None:
+        def attempt(form: Form, near: Sequence[Start]) -> None:
             try:
                 fit = fit_form(
-                    self.f, self.values, form, begun, weights=self.weights, source=self.source
+                    self.f, self.values, form, near, weights=self.weights, source=self.source
                 )
             except BadInput as error:
                 record = TriedForm(
@@ -299,11 +323,11 @@ class SweepSearch:
                 attempt(form, [*starts[:1], *bent_starts(self.f, np.abs(self.values))])
         if not self.is_complex and (self.elsewhere or self.wanted == "tail" or not noise):
             pull = OBSERVED if self.elsewhere else SUPPOSED
-            attempt(Form(name="tail", further=1, pull=pull), self.beside_tails(starts[0]))
+            attempt(Form(name="tail", further=1, pull=pull), self.tail_starts(starts[0]))
         return made or hidden, failed
 
-    def beside_tails(self, crest: Start) -> list[Start]:
-        """Where a line, and another one beyond the ends, may begin."""
+    def tail_starts(self, crest: Start) -> list[Start]:
+        """Where a line, and another one beyond the ends, may start."""
         chord = np.interp(self.f, self.f[[0, -1]], np.abs(self.values[[0, -1]]))
         over = np.asarray(self.values, dtype=float) - chord
         first = amplitude_starts(self.f, over)[0] if float(np.max(over)) > 0.0 else crest
@@ -396,21 +420,24 @@ class SweepSearch:
 
         def describes(null: Null) -> bool:
             """Whether the line is no better by more than noise makes, at any of the points."""
-            if best.squares < self.rows * ROUNDING**2 and null.squares > 2.0 * best.squares:
+            if (
+                best.squares < self.rows * SMALLEST_RESIDUAL**2
+                and null.squares > 2.0 * best.squares
+            ):
                 return False
             p = self.f.size * chance(
                 null.squares, null.unknowns, best.squares, best.unknowns, best.structure, self.rows
             )
             gain = count * math.log(max(null.squares, 1e-300) / max(best.squares, 1e-300))
-            return p >= PRESENT_P or gain - 2.0 * (best.unknowns - null.unknowns) <= PRESENT
+            return p >= PRESENT_P or gain - 2.0 * (best.unknowns - null.unknowns) <= PLAINLY
 
-        found = [null for null in nulls if describes(null)]
-        if not found:
+        closer = [null for null in nulls if describes(null)]
+        if not closer:
             return
         made = [
-            self.rows * math.log(max(null.squares, 1e-300)) + 2.0 * null.unknowns for null in found
+            self.rows * math.log(max(null.squares, 1e-300)) + 2.0 * null.unknowns for null in closer
         ]
-        null = next(n for n, c in zip(found, made, strict=True) if c <= min(made) + SIMPLER)
+        null = next(n for n, c in zip(closer, made, strict=True) if c <= min(made) + SIMPLER)
         if null.kind is NullKind.FLANK:
             raise self.cut_off(null)
         self.check_top()
@@ -469,17 +496,10 @@ class SweepSearch:
             "wanted half a width on both sides at least"
         )
 
-    def tried(self, fit: LineFit, criterion: float) -> TriedForm:
-        """A model as it is listed."""
-        return TriedForm(
-            **fields_of(fit, LineValues),
-            name=fit.name,
-            delayed=fit.delay is not None,
-            rms_residual=fit.rms_residual,
-            criterion=criterion,
-            structure=fit.structure,
-            second=fit.second is not None,
-        )
+
+def _tried(fit: LineFit, criterion: float) -> TriedForm:
+    """A model as it is listed."""
+    return fit.tried(criterion, delayed=fit.delay is not None, second=fit.second is not None)
 
 
 def _places(two: TwoLines) -> str:

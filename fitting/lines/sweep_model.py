@@ -57,13 +57,11 @@ class Shapes:
         frequency_hz: rising, shape (n,), Hz.
         starts: where each line begins.
         bent: whether the first line is a Duffing oscillator's; its bend comes last, in half widths.
-        rising: whether the frequency rose during the sweep.
     """
 
     frequency_hz: FloatArray
     starts: Sequence[Place]
     bent: bool = False
-    rising: bool = True
 
     @property
     def count(self) -> int:
@@ -100,7 +98,7 @@ class Shapes:
             at = place.frequency_hz, place.width_hz
             if k == 0 and self.bent:
                 bend = float(x[2 * len(self.starts)])
-                line = duffing(self.frequency_hz, *at, bend, rising=self.rising)
+                line = duffing(self.frequency_hz, *at, bend)
             else:
                 line = lorentzian(self.frequency_hz, *at)
             slopes = np.zeros((self.count, self.frequency_hz.size), dtype=complex)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitting.lines.poles import complex_line
+from fitting.lines.starts import complex_line
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.gain import Solved
 from fitting.measurements.measurement import Estimated

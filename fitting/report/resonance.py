@@ -11,15 +11,14 @@ from dataclasses import replace
 from typing import Any
 
 from fitting.lines.choice import FAR_MORE, SIMPLER
-from fitting.lines.decay_record import AMPLITUDES, PHASORS
 from fitting.lines.dip import NOTCH, REFLECTION
 from fitting.lines.faults import fault_finding
 from fitting.lines.line import Line
 from fitting.lines.names import FANO, TRANSMISSION, WORDS, WORDS_COMPLEX
-from fitting.lines.noise_model import COUPLED, TOGETHER
-from fitting.lines.noise_spectrum import NoiseLine
+from fitting.lines.noise_spectrum import COUPLED, TOGETHER, NoiseLine
 from fitting.lines.record import MeasuredLine, TriedForm
 from fitting.lines.ringdown import ALONE, FORM_WORDS, Ringdown
+from fitting.lines.trace import AMPLITUDES, PHASORS
 from fitting.report.table import Table, environment, table, terminal_text, text_lines, wrapped
 from fitting.signal.residual_tests import NOTABLE
 from fitting.signal.residual_tests import TOGETHER as CORRELATED

@@ -7,11 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from fitting.campaign.instruments import Channel, Recording
 from fitting.campaign.recognised import recognised
-from fitting.lines.decay_record import AMPLITUDES, PHASORS, DecayRecord
+from fitting.lines.trace import AMPLITUDES, PHASORS, DecayRecord, decay_record_of
 from fitting.resonance.reading import (
     Columns,
     ValueRoles,
@@ -25,7 +24,6 @@ from fitting.resonance.reading import (
     with_unit,
 )
 from fitting.signal.time_grid import spacing_s
-from fitting.text.arrays import as_numbers, as_values, require_size
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 from fitting.text.tables import hertz_of
@@ -33,33 +31,6 @@ from fitting.text.units import convert, is_frequency
 
 #: Names of columns that say that they hold amplitudes, in small letters.
 OF_AMPLITUDES = ("r", "amplitude", "magnitude", "mag", "amp", "level", "envelope")
-
-
-def decay_record_of(
-    time_s: npt.ArrayLike, values: npt.ArrayLike, unit: str, source: str = "arrays"
-) -> DecayRecord:
-    """A checked record of arrays.
-
-    Args:
-        time_s: evenly spaced, shape (n,), s.
-        values: samples or amplitudes, or complex ones that were demodulated, shape (n,).
-        unit: of the values.
-        source: what complaints name it by.
-
-    Raises:
-        BadInput: shapes that differ, values that are no numbers, times that are not even.
-    """
-    t, y = as_numbers(time_s, f"{source}: times"), as_values(values, f"{source}: values")
-    if t.ndim != 1 or t.shape != y.shape:
-        raise BadInput(f"{source}: times {t.shape} and values {y.shape}; wanted (n,) for both")
-    for name, numbers in (("time", t), ("value", y)):
-        for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
-            raise BadInput(f"{source}: {name} number {i + 1} is {numbers[i]}, wanted a finite one")
-    require_size(t, f"{source}: times")
-    require_size(y, f"{source}: values")
-    spacing_s(t, source)
-    kind = PHASORS if np.iscomplexobj(y) else ""
-    return DecayRecord(source=source, time_s=t, values=y, unit=unit, kind=kind)
 
 
 def is_over_time(path: Path, columns: Columns) -> bool:

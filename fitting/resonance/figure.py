@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from fitting.lines.decay_record import SAMPLES
 from fitting.lines.line import Line
 from fitting.lines.noise_spectrum import NoiseLine
 from fitting.lines.record import MeasuredLine
 from fitting.lines.ringdown import Ringdown
+from fitting.lines.trace import SAMPLES
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.notation import hertz, number, prefixed, quantity, with_error

@@ -14,7 +14,7 @@ from fitting.campaign.instruments.roles import (
     plain_name,
     relative_density,
 )
-from fitting.lines.noise_spectrum import NoiseRecord, noise_record_of
+from fitting.lines.trace import NoiseRecord, noise_record_of
 from fitting.resonance.reading import Columns, Roles, hertz_in, lead, map_in, roles_of
 from fitting.text.errors import BadInput
 

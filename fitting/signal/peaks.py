@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.text.arrays import ComplexArray, FloatArray
+from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, how_many
 
@@ -204,18 +204,3 @@ def _amplitude_at(frequency_hz: FloatArray, amplitude_v: FloatArray, tone_hz: fl
     if abs(crest) > 1.0:  # no line within a point of the tone: leave it to the detection limit
         return float(np.max(a))
     return float(math.exp(height - slope**2 / (4.0 * curvature)))
-
-
-def mode_response(frequency_hz: FloatArray, eta_hz: float, width_hz: float) -> ComplexArray:
-    """Response of one driven damped mode, 1 at eta in magnitude, shape of ``frequency_hz``.
-
-    g(f) = w eta / ((eta - f)(eta + f) + i f w); the difference of squares is factored because at
-    high Q it cancels. |g|^2 is a Lorentzian of full width w close to eta.
-
-    Args:
-        frequency_hz: frequencies (n,), Hz.
-        eta_hz: resonance frequency, Hz.
-        width_hz: full line width, Hz.
-    """
-    detuning = (eta_hz - frequency_hz) * (eta_hz + frequency_hz)
-    return np.asarray(width_hz * eta_hz / (detuning + 1j * frequency_hz * width_hz))

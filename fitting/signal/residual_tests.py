@@ -62,6 +62,11 @@ class Structure:
     excess: float = 1.0
 
     @property
+    def is_noise(self) -> bool:
+        """Whether the residuals are noise of one size, by both tests."""
+        return min(self.p_value, self.sizes_p) >= STRUCTURED
+
+    @property
     def is_unequal(self) -> bool:
         """Whether the residuals are larger at some points than at others."""
         return UNEQUAL in self.found

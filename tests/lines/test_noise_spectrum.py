@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.lines.noise_model import COUPLED, OWN, TOGETHER, NoiseSpectrum
-from fitting.lines.noise_spectrum import noise_lines
+from fitting.lines.noise_spectrum import COUPLED, OWN, TOGETHER, NoiseSpectrum, noise_lines
 from fitting.lines.sweep_model import Place
 from fitting.text.arrays import ComplexArray, FloatArray
 

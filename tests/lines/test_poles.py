@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.lines.poles import complex_line
+from fitting.lines.starts import complex_line
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.lines import mode
 

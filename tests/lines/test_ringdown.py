@@ -7,9 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fitting as ff
-from fitting.lines.decay import decay
-from fitting.lines.decay_model import Decays, fit_decays
-from fitting.lines.decay_record import PHASORS, SAMPLES
+from fitting.lines.decay import Decays, decay, fit_decays
+from fitting.lines.trace import PHASORS, SAMPLES
 from fitting.text.arrays import ComplexArray, FloatArray
 
 T = np.arange(3000) / 8000.0

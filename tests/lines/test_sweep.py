@@ -30,7 +30,7 @@ def bent(shift_hz: float) -> FloatArray:
 def test_a_bent_line_is_that_of_small_amplitudes_with_its_shift(shift_hz: float) -> None:
     """Noise of half a per cent of every reading; a Lorentzian was off by 2 to 6 errors."""
     rng = np.random.default_rng(int(shift_hz))
-    found = SweepSearch(F, bent(shift_hz) * (1.0 + 0.005 * rng.standard_normal(F.size))).fit().fit
+    found = SweepSearch(F, bent(shift_hz) * (1.0 + 0.005 * rng.standard_normal(F.size))).fit()
     assert found.bend is not None
     for number, truth in (
         (found.frequency, ETA),
@@ -46,7 +46,7 @@ def test_a_short_cable_is_no_background() -> None:
     for seed in range(3):
         cable = np.exp(-2j * np.pi * (F - ETA) * 1.7e-4)
         values = 0.21 * mode(F, ETA, WIDTH) * cable + noise(F.size, 1e-3, seed)
-        found = SweepSearch(F, values).fit().fit
+        found = SweepSearch(F, values).fit()
         assert found.delay is not None
         assert abs(found.delay.value - 1.7e-4) < 4.0 * found.delay.std
         assert abs(found.amplitude.value - 0.21) < 4.0 * found.amplitude.std
@@ -59,7 +59,7 @@ def test_noise_that_grows_with_the_amplitude_is_weighted() -> None:
     slope = (ends[1] - ends[0]) / (2.0 * step)
     bound = 0.01 / np.sqrt(np.sum(slope**2))
     rng = np.random.default_rng(5)
-    found = SweepSearch(F, size * (1.0 + 0.01 * rng.standard_normal(F.size))).fit().fit
+    found = SweepSearch(F, size * (1.0 + 0.01 * rng.standard_normal(F.size))).fit()
     assert found.structure.sizes_p > 0.01
     assert 0.7 * bound < found.frequency.std < 1.6 * bound
     assert abs(found.frequency.value - ETA) < 4.0 * found.frequency.std

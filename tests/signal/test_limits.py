@@ -13,6 +13,7 @@ from scipy.optimize import curve_fit
 from scipy.stats import norm, t
 
 from fitting.lines.form import fit_resonance
+from fitting.lines.lorentzian import mode_response
 from fitting.signal.combinations import (
     combination_name,
     lines_to_read,
@@ -21,7 +22,6 @@ from fitting.signal.combinations import (
     parse_combination,
 )
 from fitting.signal.peaks import (
-    mode_response,
     noise_floor,
     read_peaks,
     unknown_line,

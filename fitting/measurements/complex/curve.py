@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fitting.campaign.measured import check_count, check_rising
-from fitting.lines.poles import ComplexLine, complex_line
+from fitting.lines.starts import ComplexLine, complex_line
 from fitting.measurements.complex.wiring import Wiring
 from fitting.measurements.record import Curve, Record
 from fitting.measurements.residual_curve import ResidualCurve, mistakes

@@ -32,7 +32,7 @@ from fitting.campaign.instruments.roles import (
     requested_column,
     without_zero,
 )
-from fitting.lines.poles import complex_line
+from fitting.lines.starts import complex_line
 from fitting.measurements.clipped import cut_off
 from fitting.measurements.complex.curve import ComplexCurve
 from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
