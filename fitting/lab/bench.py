@@ -247,7 +247,8 @@ class Measured:
     """What the laboratory hands over, ``readings``, and the truth next to it, ``answers``.
 
     ``eta_before_hz`` and ``eta_after_hz`` are the measured (plus, minus) eigenfrequencies,
-    ``gain`` is in volts per unit of the sample's amplitudes.
+    ``gain`` is in volts per unit of the sample's amplitudes, ``sweep`` what a series of the bench
+    itself begins with, empty of rows of a plan.
     """
 
     bench: Bench
@@ -258,6 +259,7 @@ class Measured:
     readings: tuple[Answer, ...]
     eta_before_hz: tuple[float, float] = (math.nan, math.nan)
     eta_after_hz: tuple[float, float] = (math.nan, math.nan)
+    sweep: Trace = Trace(np.empty(0), np.empty(0))
 
     def array(self, name: str) -> FloatArray:
         """An array of all readings, (m, ...).
@@ -278,14 +280,7 @@ class Measured:
         return np.array([np.abs(answer.lines_v) for answer in self.answers])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Series(Measured):
-    """A series of the bench itself, which begins with a sweep."""
-
-    sweep: Trace
-
-
-def measure(bench: Bench, seed: int) -> Series:
+def measure(bench: Bench, seed: int) -> Measured:
     """Run one measurement series: sweep, every drive pair, eigenfrequencies around it.
 
     The sweep is taken at the start of the series. The same ``bench`` and ``seed`` give the same
@@ -305,8 +300,7 @@ def measure(bench: Bench, seed: int) -> Series:
         sample = bench.at(0.5 if count == 1 else index / (count - 1))
         requested.append((Row(label=label, drive=drive, observed=bench.observed), sample))
     ends = (bench.at(0.0), bench.at(1.0))
-    measured = _measured(bench, requested, ends, bench.instrument, seed, rng)
-    return Series(sweep=sweep, **vars(measured))
+    return replace(_measured(bench, requested, ends, bench.instrument, seed, rng), sweep=sweep)
 
 
 def measure_rows(bench: Bench, rows: Sequence[Row], instrument: Instrument, seed: int) -> Measured:

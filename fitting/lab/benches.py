@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from fitting.lab.bench import Bench
-from fitting.lab.duffing import Cubic, CubicModes
+from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments import Analyser, Markers
 from fitting.lab.names import DUFFING
 from fitting.lab.string import STRING
@@ -31,8 +31,8 @@ SERIES_THETA = {"q1": 1.9498, "q2": 2.0406}
 #: The same series with the drift and the start under which the method improves as much as the
 #: paper prints: the eigenfrequencies bend by so many Hz, the damping starts at width / 2 pi.
 PUBLISHED_BEND_HZ = {"q1-published": 30.0, "q2-published": 60.0}
-#: Cubic terms of the string that is driven hard.
-DUFFING_CUBIC = Cubic(1e32, 0.8e32, 0.5e32)
+#: The string that is driven hard, with its cubic terms.
+DUFFING_STRING = CubicModes(STRING, alpha1=1e32, alpha2=0.8e32, kappa=0.5e32)
 
 
 def string_bench(series: str) -> Bench:
@@ -51,7 +51,7 @@ def duffing_bench() -> Bench:
     eta, gaps, levels = STRING.eta_plus_hz, (20.0, 30.0), (0.25, 0.35)
     return Bench(
         series=DUFFING,
-        sample=CubicModes(STRING, DUFFING_CUBIC),
+        sample=DUFFING_STRING,
         observed=0,
         pairs_hz=tuple((eta + 10.0 - gap, eta + 10.0 + gap) for gap in gaps for _ in levels),
         instrument=Markers(),

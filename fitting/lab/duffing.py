@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,59 +33,78 @@ CLOSED = 1e-11  # change of the lines, relative to the largest, at which Newton'
 SHORTEST_RAMP = 1e-4  # of the whole drive
 
 
-@dataclass(frozen=True)
-class Cubic:
-    """Cubic coefficients in 1/(m^2 s^2), forces per mass from a potential.
-
-    It is alpha1 q1^4/4 + alpha2 q2^4/4 + kappa q1^2 q2^2/2 in the hybridised modes.
-    """
-
-    alpha1: float
-    alpha2: float = 0.0
-    kappa: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (self.alpha1, self.alpha2, self.kappa))):
-            raise ValueError(f"cubic coefficients {self} must be finite")
-
-
-@dataclass(frozen=True)
-class Lines:
-    """A steady response: ``factors`` (n, tones), complex ``amplitudes`` (n, 2) in m of both modes.
-
-    Line n is at sum_i factors[n, i] u_i; of each pair k, -k the one whose first factor is positive.
-    """
-
-    factors: NDArray[np.int64]
-    amplitudes: ComplexArray
-
-    def at(self, *factors: int) -> ComplexArray:
-        """Amplitudes (2,) of both modes at one combination, "2 u1 - u2" as (2, -1).
-
-        Args:
-            factors: of the tones, one integer each.
-        """
-        wanted = np.array(factors)
-        for sign in (1, -1):
-            result = np.flatnonzero((self.factors == sign * wanted).all(axis=1))
-            if result.size:
-                line = self.amplitudes[result[0]]
-                return np.asarray(line if sign == 1 else line.conj())
-        raise ValueError(f"no line {factors}")
+#: A steady response: complex amplitudes (2,) in m of both modes at each combination of the tones,
+#: "2 u1 - u2" as (2, -1); at k and -k conjugate ones.
+Lines = Mapping[tuple[int, ...], ComplexArray]
 
 
 class NoSteadyState(ArithmeticError):
     """Newton's method found no response near the one it came from: a branch ends there."""
 
 
-def steady_lines(modes: TwoModes, cubic: Cubic, drive: Drive, start: Lines | None = None) -> Lines:
+@dataclass(frozen=True)
+class CubicModes:
+    """A sample of the virtual laboratory: two modes with cubic terms.
+
+    The coefficients, in 1/(m^2 s^2), are those of forces per mass from a potential, which is
+    alpha1 q1^4/4 + alpha2 q2^4/4 + kappa q1^2 q2^2/2 in the hybridised modes.
+
+    Raises:
+        ValueError: a coefficient that is no number.
+    """
+
+    modes: TwoModes
+    alpha1: float
+    alpha2: float = 0.0
+    kappa: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, self.cubic)):
+            raise ValueError(f"cubic coefficients {self.cubic} must be finite")
+
+    @property
+    def cubic(self) -> tuple[float, float, float]:
+        """The cubic coefficients."""
+        return self.alpha1, self.alpha2, self.kappa
+
+    def shifted(self, shift_hz: float) -> CubicModes:
+        """The same sample, both eigenfrequencies higher by so much.
+
+        Args:
+            shift_hz: by which both resonances move, Hz.
+        """
+        return replace(self, modes=self.modes.shifted(shift_hz))
+
+    def amplitudes(self, drive: Drive) -> ComplexArray:
+        """Complex amplitudes (lines, 2) in m of both modes at the lines that the drive reads.
+
+        Args:
+            drive: tones and amplitudes that drive.
+
+        Raises:
+            ValueError: a drive so strong that its response does not grow out of rest steadily, or a
+                combination of an even order, at which there is no line.
+        """
+        try:
+            lines = steady_lines(self, drive)
+        except NoSteadyState as error:
+            raise ValueError(
+                f"tones {drive.tones_hz} Hz at {max(drive.amplitudes)!r} m/s^2: {error}; "
+                "wanted a weaker drive"
+            ) from error
+        for factors in drive.read:
+            if factors not in lines:
+                raise ValueError(f"no line {factors}")
+        return np.array([lines[factors] for factors in drive.read])
+
+
+def steady_lines(sample: CubicModes, drive: Drive, start: Lines | None = None) -> Lines:
     """The response that grows out of rest with the drive, or the one near ``start``.
 
     Orders are added until the last ones change no line by more than ``ENOUGH`` of the largest.
 
     Args:
-        modes: the two modes: η, damping and angle, as `TwoModes` explains.
-        cubic: coefficients of the cubic terms.
+        sample: both modes and the cubic terms.
         drive: tones and amplitudes that drive.
         start: of the balance, None to begin from rest.
 
@@ -95,10 +115,10 @@ def steady_lines(modes: TwoModes, cubic: Cubic, drive: Drive, start: Lines | Non
     """
     if len(drive.tones_hz) > 2:
         raise ValueError(f"tones {drive.tones_hz} Hz, wanted one or two that differ")
-    lines = lines_to_order(modes, cubic, drive, ORDERS[0], start)
+    lines = lines_to_order(sample, drive, ORDERS[0], start)
     for order in ORDERS[1:]:
-        balance = _Balance(modes, cubic, drive, order)
-        more = lines_to_order(modes, cubic, drive, order, lines)
+        balance = _Balance(sample, drive, order)
+        more = lines_to_order(sample, drive, order, lines)
         change = np.abs(balance.vector(more) - balance.vector(lines)).max()
         lines = more
         if change <= ENOUGH * np.abs(balance.vector(more)).max():
@@ -107,18 +127,17 @@ def steady_lines(modes: TwoModes, cubic: Cubic, drive: Drive, start: Lines | Non
 
 
 def lines_to_order(
-    modes: TwoModes, cubic: Cubic, drive: Drive, order: int, start: Lines | None = None
+    sample: CubicModes, drive: Drive, order: int, start: Lines | None = None
 ) -> Lines:
     """As :func:`steady_lines`, with the lines up to one order.
 
     Args:
-        modes: the two modes: η, damping and angle, as `TwoModes` explains.
-        cubic: coefficients of the cubic terms.
+        sample: both modes and the cubic terms.
         drive: tones and amplitudes that drive.
         order: highest sum of the absolute factors.
         start: of the balance, None to begin from rest.
     """
-    balance = _Balance(modes, cubic, drive, order)
+    balance = _Balance(sample, drive, order)
     if start is not None:
         return balance.lines(balance.solve(balance.vector(start), 1.0))
     x: ComplexArray = np.zeros((balance.count, 2), dtype=complex)
@@ -139,7 +158,7 @@ def lines_to_order(
 class _Balance:
     """The equations of one drive, lengths in ``unit``, forces in those of the linear response."""
 
-    def __init__(self, modes: TwoModes, cubic: Cubic, drive: Drive, order: int) -> None:
+    def __init__(self, sample: CubicModes, drive: Drive, order: int) -> None:
         # odd combinations of the tones; of each pair k, -k one
         rows = [
             k
@@ -149,7 +168,7 @@ class _Balance:
         self.factors: NDArray[np.int64] = np.array(rows, dtype=np.int64)
         self.count = len(self.factors)
         lines_hz = self.factors @ np.array(drive.tones_hz)
-        self.linear = dynamic_stiffness(modes, lines_hz)
+        self.linear = dynamic_stiffness(sample.modes, lines_hz)
         force = np.zeros((self.count, 2), dtype=complex)
         for tone, amplitude in enumerate(drive.amplitudes):
             alone = (self.factors == np.eye(len(drive.tones_hz), dtype=int)[tone]).all(axis=1)
@@ -157,18 +176,19 @@ class _Balance:
         response = np.linalg.solve(self.linear, force[:, :, np.newaxis])[:, :, 0]
         self.unit = float(np.abs(response).max()) or 1.0
         self.force = force / self.unit
-        self.cubic = tuple(c * self.unit**2 for c in (cubic.alpha1, cubic.alpha2, cubic.kappa))
+        self.cubic = tuple(c * self.unit**2 for c in sample.cubic)
         self.size = 4 * order + 1 + order % 2  # products of three lines fold onto none of them
 
     def vector(self, lines: Lines) -> ComplexArray:
         """The lines as unknowns; those that are not there are zero."""
-        known = {tuple(k): a for k, a in zip(lines.factors.tolist(), lines.amplitudes, strict=True)}
         none = np.zeros(2, dtype=complex)
-        rows: ComplexArray = np.array([known.get(tuple(k), none) for k in self.factors.tolist()])
+        rows: ComplexArray = np.array([lines.get(tuple(k), none) for k in self.factors.tolist()])
         return np.asarray(rows / self.unit)
 
     def lines(self, x: ComplexArray) -> Lines:
-        return Lines(self.factors, x * self.unit)
+        """The unknowns as lines, those of negative combinations too."""
+        lines = {tuple(k): a for k, a in zip(self.factors.tolist(), x * self.unit, strict=True)}
+        return lines | {tuple(-n for n in k): a.conj() for k, a in lines.items()}
 
     def solve(self, x: ComplexArray, part: float) -> ComplexArray:
         """Newton's method from ``x`` under ``part`` of the drive."""
@@ -226,37 +246,3 @@ class _Balance:
         scale = 1.0 / np.abs(system).max(axis=1)
         result: FloatArray = np.linalg.solve(system * scale[:, np.newaxis], right * scale)
         return np.asarray((result[: 2 * n] + 1j * result[2 * n :]).reshape(n, 2))
-
-
-@dataclass(frozen=True)
-class CubicModes:
-    """A sample of the virtual laboratory: two modes with cubic terms."""
-
-    modes: TwoModes
-    cubic: Cubic
-
-    def shifted(self, shift_hz: float) -> CubicModes:
-        """The same sample, both eigenfrequencies higher by so much.
-
-        Args:
-            shift_hz: by which both resonances move, Hz.
-        """
-        return replace(self, modes=self.modes.shifted(shift_hz))
-
-    def amplitudes(self, drive: Drive) -> ComplexArray:
-        """Complex amplitudes (lines, 2) in m of both modes at the lines that the drive reads.
-
-        Args:
-            drive: tones and amplitudes that drive.
-
-        Raises:
-            ValueError: a drive so strong that its response does not grow out of rest steadily.
-        """
-        try:
-            lines = steady_lines(self.modes, self.cubic, drive)
-        except NoSteadyState as error:
-            raise ValueError(
-                f"tones {drive.tones_hz} Hz at {max(drive.amplitudes)!r} m/s^2: {error}; "
-                "wanted a weaker drive"
-            ) from error
-        return np.array([lines.at(*factors) for factors in drive.read])

@@ -17,7 +17,7 @@ from fitting.lab.benches import (
 )
 from fitting.lab.curve import Curve
 from fitting.lab.curves import AvoidedCrossing, WiredResonance
-from fitting.lab.duffing import Cubic, CubicModes
+from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments import Analyser, Markers
 from fitting.lab.names import (
     CROSSING,
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 AnyBench = Bench | PumpedString | WiredResonance | AvoidedCrossing | StringRecord
 #: What sweeps one line at places of its controls.
 SweptBench = AvoidedCrossing | PumpedString
+#: Coefficients of cubic terms, by their fields of `CubicModes`.
+CUBIC = ("alpha1", "alpha2", "kappa")
 PUMPED_BENCHES = {kind.kind: kind for kind in (PumpedBench, SubharmonicBench)}
 B = TypeVar("B", bound=AnyBench)
 
@@ -131,10 +133,10 @@ def _described(tables: Mapping[str, Any], file: Path) -> AnyBench:
     bench["floor_v"] = (float(low), float(high))
     if "cubic" not in tables:
         return Bench(sample=modes(), instrument=Analyser(), **bench)
-    cubic = from_plain(Cubic, values("cubic", names_of(Cubic)), f"{file}: [cubic]")
+    both = {"modes": record_table(modes()), **values("cubic", CUBIC)}
     drive = values("drive", ("weak_level", "repeatability", "levels"))
     return Bench(
-        sample=CubicModes(modes(), cubic),
+        sample=from_plain(CubicModes, both, f"{file}: [cubic]"),
         instrument=Markers(float(drive["repeatability"])),
         levels=tuple(float(level) for level in drive["levels"]),
         weak_level=float(drive["weak_level"]),
@@ -155,12 +157,12 @@ def changed(bench: B, **values: Any) -> B:
         ValueError: values that are impossible.
         BadInput: a name that this bench does not have.
     """
-    modes, cubic = names_of(TwoModes), names_of(Cubic)
+    modes = names_of(TwoModes)
     known = {name for name in names_of(bench) if name != "kind"}
     if isinstance(bench, Bench | PumpedString):
         known |= {*modes}
     if isinstance(bench, Bench):
-        known |= {*cubic} if isinstance(bench.sample, CubicModes) else set()
+        known |= {*CUBIC} if isinstance(bench.sample, CubicModes) else set()
         known |= {"level"} if bench.levels else set()
     for name in values:
         if name not in known and isinstance(bench, Curve):
@@ -175,10 +177,8 @@ def changed(bench: B, **values: Any) -> B:
     elif isinstance(bench, Bench):
         sample: Sample = replace(bench.modes, **of_modes)
         if isinstance(bench.sample, CubicModes):
-            of_cubic = {name: value for name, value in values.items() if name in cubic}
-            sample = replace(
-                bench.sample, modes=sample.modes, cubic=replace(bench.sample.cubic, **of_cubic)
-            )
+            of_cubic = {name: value for name, value in values.items() if name in CUBIC}
+            sample = replace(bench.sample, modes=sample.modes, **of_cubic)
         if "level" in values:
             own = {"levels": with_level(bench, values["level"]).levels, **own}
         own = {"sample": sample, **own}

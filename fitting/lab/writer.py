@@ -12,7 +12,7 @@ from dataclasses import fields
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from fitting.lab.bench import DRIFTING, OUTPUTS, Cell, Measured, Series
+from fitting.lab.bench import DRIFTING, OUTPUTS, Cell, Measured
 from fitting.lab.benches import PUBLISHED_BEND_HZ
 from fitting.lab.duffing import CubicModes
 from fitting.lab.instruments import Markers, put_offsets
@@ -116,7 +116,7 @@ def written_mhz(frequency_hz: float) -> str:
 # --- a series of drive pairs
 
 
-def campaign_files(series: Series, command: str) -> dict[str, str]:
+def campaign_files(series: Measured, command: str) -> dict[str, str]:
     """Texts by relative file name: campaign, experiments, sweep, the instrument's own, the truth.
 
     ``command`` is repeated in the head of every file, after the word "synthetic" and the seed.
@@ -166,7 +166,7 @@ def truth_tables(measured: Measured) -> dict[str, Any]:
     widths = bench.modes.widths_hz()
     tables = {"bench": record_table(bench, ELSEWHERE), "modes": record_table(bench.modes)}
     if isinstance(bench.sample, CubicModes):
-        tables["cubic"] = record_table(bench.sample.cubic)
+        tables["cubic"] = record_table(bench.sample, ["modes"])
     if bench.levels:
         drive: dict[str, Any] = {"weak_level": bench.weak_level}
         if isinstance(bench.instrument, Markers):
@@ -193,7 +193,7 @@ def truth_tables(measured: Measured) -> dict[str, Any]:
     return {**tables, "experiment": experiments}
 
 
-def _edit_string(tables: Tables, series: Series, line: LineFit) -> None:
+def _edit_string(tables: Tables, series: Measured, line: LineFit) -> None:
     """Drift as measured; the observed damping starts at the width fitted to the sweep."""
     bench = series.bench
     name, _, published = bench.series.partition("-")
@@ -224,7 +224,7 @@ def _edit_string(tables: Tables, series: Series, line: LineFit) -> None:
     damping["reference"] = width
 
 
-def _edit_duffing(tables: Tables, series: Series, line: LineFit) -> None:
+def _edit_duffing(tables: Tables, series: Measured, line: LineFit) -> None:
     """Line width and eigenfrequency start at those of the weak sweep."""
 
     def one_digit(value: float) -> float:

@@ -21,8 +21,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import build_fmu
-from fitting.lab.benches import DUFFING_CUBIC, duffing_bench
-from fitting.lab.duffing import Cubic, steady_lines
+from fitting.lab.benches import DUFFING_STRING, duffing_bench
+from fitting.lab.duffing import CubicModes, steady_lines
 from fitting.lab.instruments import READ
 from fitting.lab.string import Drive, TwoModes
 from fitting.signal.combinations import mixed_hz
@@ -33,16 +33,15 @@ ENVELOPE, RK4 = 1, 2
 
 
 class Scene(NamedTuple):
-    """Two modes, their cubic terms, a drive."""
+    """Two modes with their cubic terms, a drive."""
 
     name: str
-    modes: TwoModes
-    cubic: Cubic
+    sample: CubicModes
     drive: Drive
 
     def values(self) -> dict[str, Any]:
         """Parameters of the FMU."""
-        m = self.modes
+        m = self.sample.modes
         return {
             "theta": m.theta_rad,
             "d1": m.d1_hz,
@@ -54,7 +53,9 @@ class Scene(NamedTuple):
             "A1": self.drive.amplitudes[0],
             "A2": self.drive.amplitudes[0],
             "periodic_start": True,
-            **vars(self.cubic),
+            "alpha1": self.sample.alpha1,
+            "alpha2": self.sample.alpha2,
+            "kappa": self.sample.kappa,
         }
 
 
@@ -74,10 +75,12 @@ def scenes() -> Iterator[Scene]:
     alpha = width / eta * (2 * math.pi * eta) ** 2 * 8.0 / 3.0
     yield Scene(
         "1 kHz, Q 200",
-        TwoModes(
-            theta_rad=0.0, d1_hz=width, d2_hz=width, eta_plus_hz=eta, eta_minus_hz=1.0126 * eta
+        CubicModes(
+            TwoModes(
+                theta_rad=0.0, d1_hz=width, d2_hz=width, eta_plus_hz=eta, eta_minus_hz=1.0126 * eta
+            ),
+            alpha,
         ),
-        Cubic(alpha),
         Drive.equal((eta - 1.0, eta + 2.0), 0.3 * force),
     )
     lab = duffing_bench()
@@ -90,8 +93,7 @@ def scenes() -> Iterator[Scene]:
     )
     yield Scene(
         "string, 6.94 MHz, Q 73,700",
-        alone,
-        Cubic(DUFFING_CUBIC.alpha1),
+        CubicModes(alone, DUFFING_STRING.alpha1),
         Drive.equal(lab.pairs_hz[1], lab.levels[1]),
     )
 
@@ -100,10 +102,10 @@ def rows(scene: Scene) -> Iterator[Row]:
     """Ways to simulate; rk4 starts where the envelope stands and settles from there."""
     for exponent in (-2, -3, -4, -6, -8):
         yield Row(ENVELOPE, f"tolerance 1e{exponent}", {"tolerance": 10.0**exponent}, 0.0)
-    if scene.modes.eta_plus_hz < 1e6:
+    if scene.sample.modes.eta_plus_hz < 1e6:
         for count in (10, 20, 40, 80):
-            step = 1.0 / (count * scene.modes.eta_plus_hz)
-            settle = round(2.0 / scene.modes.d1_hz, 6)
+            step = 1.0 / (count * scene.sample.modes.eta_plus_hz)
+            settle = round(2.0 / scene.sample.modes.d1_hz, 6)
             yield Row(RK4, f"{count} substeps a period", {"rk4_substep": step}, settle)
 
 
@@ -126,8 +128,8 @@ def main() -> None:
     print("|---|---|---|---|---|")
     with Instance(unpacked) as fmu:
         for scene in scenes():
-            lines = steady_lines(scene.modes, scene.cubic, scene.drive)
-            truth = np.array([abs(lines.at(*k)[0]) for k in READ])
+            lines = steady_lines(scene.sample, scene.drive)
+            truth = np.array([abs(lines[k][0]) for k in READ])
             u1, u2 = scene.drive.tones_hz
             read = (u1, u2, 2 * u1 - u2, 2 * u2 - u1)
             window = plan_window(read, 0.0, mixtures_hz=mixed_hz((u1, u2), 15))

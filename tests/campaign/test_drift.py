@@ -24,7 +24,7 @@ from fitting.fit.problem import problem_of
 from fitting.fmu.description import read_description
 from fitting.fmu.pool import FmuWorkers
 from fitting.inference.checks.solutions import drift_findings
-from fitting.lab.bench import Series, measure
+from fitting.lab.bench import Measured, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Evaluation
@@ -59,7 +59,7 @@ def bound_to(fmu: Path, path: Path) -> BoundCampaign:
     return bind(read_campaign(path), read_description(fmu).variables)
 
 
-def series_of(curvature_hz: float, seed: int) -> Series:
+def series_of(curvature_hz: float, seed: int) -> Measured:
     return measure(replace(string_bench("q1"), curvature_hz=curvature_hz, noise_scale=0.5), seed)
 
 
@@ -77,7 +77,7 @@ def fitted(workers: FmuWorkers, bound: BoundCampaign) -> Result:
     return reconstruct_through(workers, problem_of([bound]), identity, asked)
 
 
-def true_offsets(series: Series) -> np.ndarray:
+def true_offsets(series: Measured) -> np.ndarray:
     """Departure of every experiment from the interpolation between the ends, in Hz."""
     eta = np.array([modes.eta_plus_hz for modes in series.true_modes])
     return eta - np.linspace(eta[0], eta[-1], eta.size)

@@ -13,7 +13,7 @@ import pytest
 from fitting.campaign import read_campaign
 from fitting.cli.main import main
 from fitting.lab import command as synthesize
-from fitting.lab.duffing import Cubic, CubicModes
+from fitting.lab.duffing import CubicModes
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import RECORD_NAME, write_whole
 from tests.support.string_benches import read_bench
@@ -108,9 +108,9 @@ def test_a_string_driven_hard_keeps_its_truth_too(tmp_path: Path) -> None:
     )
     call("--like", tmp_path / "a" / "campaign.toml", "--alpha2", "1e31", "--out", tmp_path / "b")
     first, second = (read_bench(tmp_path / n / "truth.toml") for n in "ab")
-    assert first.sample == CubicModes(first.modes, Cubic(2e31, 0.8e32, 0.0))
+    assert first.sample == CubicModes(first.modes, 2e31, 0.8e32, 0.0)
     assert (max(first.levels), first.weak_level, first.modes.d1_hz) == (0.3, 0.03, 150.0)
-    assert second == replace(first, sample=CubicModes(first.modes, Cubic(2e31, 1e31, 0.0)))
+    assert second == replace(first, sample=CubicModes(first.modes, 2e31, 1e31, 0.0))
     experiments = [read_campaign(tmp_path / n / "campaign.toml").experiments[0] for n in "ab"]
     assert len(experiments[0].peaks_v) == 4
     assert experiments[0].peaks_v[0] != experiments[1].peaks_v[0]

@@ -22,7 +22,7 @@ from fitting.fit.options import options_of
 from fitting.fit.problem import problem_of
 from fitting.fmu.description import read_description
 from fitting.fmu.pool import FmuWorkers
-from fitting.lab.bench import Series, measure
+from fitting.lab.bench import Measured, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.measurements.dataset import Dataset
@@ -41,11 +41,11 @@ BENCH = replace(string_bench("q1"), pairs_hz=string_bench("q1").pairs_hz[:1], cu
 
 
 @lru_cache(maxsize=2)
-def series(step_hz: float = 5.0) -> tuple[Series, ...]:
+def series(step_hz: float = 5.0) -> tuple[Measured, ...]:
     return tuple(measure(replace(BENCH, sweep_step_hz=step_hz), seed) for seed in SEEDS)
 
 
-def model_of(one: Series) -> Evaluation:
+def model_of(one: Measured) -> Evaluation:
     """The model's sweep and peaks at the truth, in its own unit."""
     first, state = one.bench.at(0.0).modes, one.true_modes[0]
     d = closed_form.damping(one.bench.modes.theta_rad, 120.0, 90.0, False)
@@ -62,12 +62,12 @@ def model_of(one: Series) -> Evaluation:
     )
 
 
-def shape_of(one: Series) -> FloatArray:
+def shape_of(one: Measured) -> FloatArray:
     """The model's sweep alone."""
     return np.asarray(model_of(one).predictions[1].values, dtype=float)
 
 
-def measured(one: Series, scale: str, noise: float = 0.01, *, swept: bool = False) -> Dataset:
+def measured(one: Measured, scale: str, noise: float = 0.01, *, swept: bool = False) -> Dataset:
     """Peaks with relative noise and the sweep of a series, scaled as asked."""
     generator = np.random.default_rng([one.seed, 7])
     peaks = one.true_peaks_v[0] * (1.0 + noise * generator.standard_normal(2))

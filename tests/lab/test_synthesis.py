@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from fitting.campaign import read_campaign
-from fitting.lab.bench import Answer, Bench, Instrument, Series
+from fitting.lab.bench import Answer, Bench, Instrument, Measured
 from fitting.lab.benches import string_bench
-from fitting.lab.duffing import Cubic, CubicModes
+from fitting.lab.duffing import CubicModes
 from fitting.lab.string import Drive, TwoModes
 from fitting.lab.synthesis import synthesize
 from fitting.text.arrays import FloatArray
@@ -31,7 +31,7 @@ def test_arrays_are_those_of_the_files_and_the_truth_is_beside_them(
 ) -> None:
     made = synthesize(name, seed=3, noise_scale=0.5, out=tmp_path)
     campaign = read_campaign(tmp_path / "campaign.toml")
-    assert isinstance(made.measured, Series)
+    assert isinstance(made.measured, Measured)
     assert campaign.sweep is not None
     assert campaign.sweep.amplitude_v == pytest.approx(made.measured.sweep.amplitude_v, rel=1e-15)
     for found, reading in zip(campaign.experiments, made.measured.readings, strict=True):
@@ -80,7 +80,7 @@ def test_both_kinds_of_sample_answer_alike_without_cubic_terms() -> None:
         (6940250.0, 6940290.0), (0.3, -0.7), gains=(1.0, 0.2), lines=((0, 1), (1, 0), (2, -1))
     )
     linear = MODES.shifted(7.0).amplitudes(drive)
-    cubic = CubicModes(MODES, Cubic(0.0)).shifted(7.0).amplitudes(drive)
+    cubic = CubicModes(MODES, 0.0).shifted(7.0).amplitudes(drive)
     assert np.abs(cubic - linear).max() < 1e-12 * np.abs(linear).max()
     assert np.abs(linear[2]).max() == 0.0
     assert np.abs(linear[:2, 0]).min() > 0.0
