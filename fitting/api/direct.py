@@ -56,7 +56,7 @@ def fit_trace(  # noqa: PLR0913 - keywords that all have defaults
         parameters: Start, lower and upper bound by the FMU's name, in its unit or as texts with a
             unit: ``{"c": (0.2, 0.01, 4.0)}``; or `Parameter` records.
         sigma: Standard deviation of the values, in their unit, of all or by output; 0: the
-            residuals tell it.
+            residuals show it.
         start_values: Start values of other variables of the FMU.
         derived: Outputs of the FMU that are reported with their errors.
         starts: See `fit`.
@@ -119,7 +119,7 @@ def fit_sweep(  # noqa: PLR0913 - keywords that all have defaults
         fmu: The FMU, its path, or the name of a model that is shipped.
         frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
         values: Measured peak amplitudes or complex values, Re[values exp(i 2 pi f t)], shape (n,),
-            in any unit; the residuals tell their noise.
+            in any unit; the residuals show their noise.
         parameters: As of `fit_trace`.
         input_name: The FMU's input that the tone drives; empty: its only one.
         tone_names: Parameters of the FMU that hold frequency and amplitude of a tone of its own;
@@ -167,8 +167,8 @@ def _only(fmu: Fmu, causality: str) -> str:
     """The only input or output of an FMU."""
     names = [n for n, variable in fmu.variables.items() if variable.causality == causality]
     if len(names) != 1:
-        found = ", ".join(names[:6]) or "none"
+        present = ", ".join(names[:6]) or "none"
         raise BadInput(
-            f"fit_sweep: {causality}_name is empty, and the FMU has {found}; wanted one of them"
+            f"fit_sweep: {causality}_name is empty, and the FMU has {present}; wanted one of them"
         )
     return names[0]

@@ -358,7 +358,7 @@ def kind_of_file(source: Path, columns: Columns, kind: str = "") -> str:
 
     Args:
         source: The file.
-        columns: What it does not tell.
+        columns: What it does not state.
         kind: Of a file over frequency, where it is stated.
 
     Raises:

@@ -78,17 +78,17 @@ class LineRow:
     @property
     def findings(self) -> tuple[str, ...]:
         """What contradicts a single line with noise of one size."""
-        found = self.line
-        if found is None:
+        fit = self.line
+        if fit is None:
             return ()
-        made = [f"residuals {what}" for what in found.structure.found]
-        made += ["second line"] * (found.second is not None and not self.is_one_of_several)
-        if isinstance(found, Line):
-            made += [fault.fault.value for fault in found.faults]
-            made += ["frequency depends on the amplitude"] * (found.bend is not None)
-        elif isinstance(found, Ringdown):
-            made += ["frequency depends on the amplitude"] * (found.shift.value != 0.0)
-            made += ["damping depends on the amplitude"] * (found.extra.value != 0.0)
+        made = [f"residuals {what}" for what in fit.structure.found]
+        made += ["second line"] * (fit.second is not None and not self.is_one_of_several)
+        if isinstance(fit, Line):
+            made += [fault.fault.value for fault in fit.faults]
+            made += ["frequency depends on the amplitude"] * (fit.bend is not None)
+        elif isinstance(fit, Ringdown):
+            made += ["frequency depends on the amplitude"] * (fit.shift.value != 0.0)
+            made += ["damping depends on the amplitude"] * (fit.extra.value != 0.0)
         return tuple(made)
 
     def to_dict(self) -> dict[str, str | float]:
@@ -186,7 +186,7 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
         demodulated_at_hz: Of ringdowns, the frequency of the demodulator, Hz.
         count: How many lines each sweep has, fitted together, a row for each; "auto": as many as
             its points show.
-        columns: What the files do not tell.
+        columns: What the files do not state.
 
     Raises:
         BadInput: one file with one sweep, or none of the files has a line.
@@ -207,22 +207,22 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
 
     rows, errors = [], []
     for (path, sweep, known), value in zip(parts, control[2], strict=True):
-        found: Line | Ringdown | NoiseLine | None = None
+        fit: Line | Ringdown | NoiseLine | None = None
         numbers, reason = [0], ""
         try:
             what = kind_of_file(path, known, kind)
             if what == RINGDOWN:
-                found = ringdown(
+                fit = ringdown(
                     path, within_s=within, demodulated_at_hz=demodulated_at_hz, columns=known
                 )
             elif what == NOISE:
-                found = noise_line(path, within_hz=within, columns=known)
+                fit = noise_line(path, within_hz=within, columns=known)
             else:
                 trace = read_trace_of(path, known).within(*within)
                 wanted = None if isinstance(count, str) else count
-                found = line_in(trace, wiring, terms, delay=delay, count=wanted)
+                fit = line_in(trace, wiring, terms, delay=delay, count=wanted)
                 if count != 1:
-                    each = [found, *found.others]
+                    each = [fit, *fit.others]
                     numbers = sorted(range(len(each)), key=lambda k: each[k].frequency.value)
         except BadInput as error:
             errors.append(str(error))
@@ -231,7 +231,7 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
             LineRow(
                 file=str(path),
                 control=value,
-                line=found,
+                line=fit,
                 reason=reason,
                 sweep=sweep,
                 number=k,
@@ -271,11 +271,11 @@ def _control(paths: Sequence[Path]) -> tuple[str, str, tuple[float, ...]]:
     return name, unit, values
 
 
-def write_lines(found: Lines, out: str | Path) -> tuple[Path, ...]:
+def write_lines(result: Lines, out: str | Path) -> tuple[Path, ...]:
     """Write lines.csv and a figure of frequency and FWHM over the control.
 
     Args:
-        found: What `lines` returned.
+        result: What `lines` returned.
         out: Folder, made where there is none.
 
     Returns:
@@ -286,7 +286,7 @@ def write_lines(found: Lines, out: str | Path) -> tuple[Path, ...]:
     """
     # matplotlib takes a second to import: only where something is drawn
     report = importlib.import_module("fitting.report.line")
-    rows, control = found.to_dict(), (found.control, found.unit)
+    rows, control = result.to_dict(), (result.control, result.unit)
     files: tuple[Path, ...]
     files = written(out, "line", LINES_FILES, lambda to: report.write_lines(rows, control, to))
     return files

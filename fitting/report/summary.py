@@ -304,12 +304,12 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
     if Kind.contradiction in kinds:
         return phrase("next", "separate_fits"), ""
     adequacy = None if knowledge is None else knowledge.adequacy
-    held = _held_by_bounds(result)
+    limited = _limited_by_bounds(result)
     if status != "converged":
-        words = ("wider_bounds", held, False) if held else ("other_model", adequacy)
+        words = ("wider_bounds", limited, False) if limited else ("other_model", adequacy)
         return phrase("next", *words), ""
-    if held:
-        return phrase("next", "wider_bounds", held, True), ""
+    if limited:
+        return phrase("next", "wider_bounds", limited, True), ""
     if knowledge is None:
         return _with_profiles(result)
     # the fit is as good as it can be: what to measure
@@ -327,7 +327,7 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
     return phrase("next", "determine", target, not command), command
 
 
-def _held_by_bounds(result: Result) -> list[str]:
+def _limited_by_bounds(result: Result) -> list[str]:
     """Signs of the parameters that end on a bound, but for those that the data leave open there."""
     ended = {f.subject for f in of_kind(result.findings, Kind.at_bound) if f.numbers["at_bound"]}
     open_ = (Verdict.UNCONSTRAINED, Verdict.UNKNOWN)

@@ -201,7 +201,7 @@ def result_through(
     workers, problem = planned.workers, planned.problem
     response = planned.response(fit.alternative)
     p = canonical(problem.parameters, inference.reported)  # as the model takes them
-    here = _said_at(response, p, workers)
+    here = _messages_at(response, p, workers)
     # what the FMU warned of at starts, steps and samples only
     kinds = _by_kind(workers.warnings).items()
     rest = [alike for kind, alike in kinds if kind not in here]
@@ -258,7 +258,7 @@ def _of_plans(plans: Sequence[Plan]) -> Iterator[Finding]:
                 )
 
 
-def _said_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[str, list[str]]:
+def _messages_at(response: FmuResponse, p: FloatArray, workers: FmuWorkers) -> dict[str, list[str]]:
     """What the FMU warns of at these parameters, by kind.
 
     The runs were all made before, so that none is made of other parameters to try a reset; what was

@@ -25,7 +25,7 @@ EVALUATIONS = 3_000
 
 
 def usual_budget(runs_each: float) -> int:
-    """Simulation runs that an inference may take, at most about, where nobody gives a number.
+    """Simulation runs that an inference may take, at most about, where none is given.
 
     Args:
         runs_each: of an evaluation.

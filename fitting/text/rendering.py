@@ -54,7 +54,7 @@ def environment(*folders: Path, escaped: bool = False) -> Environment:
 
 
 def _compiled(*, escaped: bool) -> FileSystemBytecodeCache | None:
-    """Compiled templates beside compiled modules, where Python keeps those.
+    """Compiled templates, next to compiled modules, where Python keeps those.
 
     Whether text is escaped is part of the code, and no part of jinja's key.
     """
