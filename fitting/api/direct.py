@@ -13,10 +13,10 @@ from fitting.api.fmu import Fmu, opened_fmu
 from fitting.api.problem import Problem
 from fitting.campaign.arrays import Parameter, Sweep
 from fitting.campaign.bound import Drive, Setup
-from fitting.measurements.complex.curve import ComplexCurve
-from fitting.measurements.complex.sweep import ComplexSweep
-from fitting.measurements.traces.traces import Trace
-from fitting.measurements.traces.waveform import Chirp, Pulse
+from fitting.measurements.complex_curve import ComplexCurve
+from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.traces import Trace
+from fitting.measurements.waveform import Chirp, Pulse
 from fitting.signal.scale import half_power_width
 from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar

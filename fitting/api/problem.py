@@ -29,13 +29,13 @@ from fitting.fit.problem import Problem as Record
 from fitting.fmu.isolation import Isolate
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.parameter_set import SetValue, read_parameter_set
-from fitting.measurements.complex.sweep import ComplexSweep
+from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.dataset import part_of
-from fitting.measurements.demodulated.traces import DemodulatedTrace
+from fitting.measurements.demodulated import DemodulatedTrace
 from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
-from fitting.measurements.noise.spectra import NoiseSpectrum
-from fitting.measurements.traces.traces import Trace
+from fitting.measurements.noise import NoiseSpectrum
+from fitting.measurements.traces import Trace
 from fitting.result.provenance import sha256_of
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, shown

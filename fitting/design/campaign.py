@@ -21,7 +21,7 @@ from fitting.design.tones import base_settings, levels_and_more
 from fitting.extension.records import BoundCampaign, Recorded, TimeRecord, TraceRecord
 from fitting.extension.report import phrase, phrases
 from fitting.fmu.description import FmuVariable
-from fitting.measurements.traces.time_record import FOUND
+from fitting.measurements.time_record import FOUND
 from fitting.text.arrays import Scalar
 from fitting.text.files import path_from
 from fitting.text.notation import prefixed

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from fitting.extension.records import BoundCampaign, Recorded, TimeRecord, TraceRecord
-from fitting.measurements.complex.sweep import ComplexSweep
-from fitting.measurements.control.sweep import ControlSweep
-from fitting.measurements.demodulated.record import DemodulatedRecord
-from fitting.measurements.together import Together
-from fitting.measurements.traces.together import TracesTogether
+from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.demodulated import DemodulatedRecord
+from fitting.measurements.records import Together
+from fitting.measurements.trace_survey import TracesTogether
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed

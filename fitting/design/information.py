@@ -51,7 +51,7 @@ from fitting.extension.problem import (
     whitened,
 )
 from fitting.extension.records import BoundCampaign, Measurement
-from fitting.measurements.complex.sweep import ComplexSweep
+from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_series

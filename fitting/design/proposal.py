@@ -23,7 +23,7 @@ from fitting.extension.report import (
     table,
     write_page,
 )
-from fitting.measurements.control.sweep import ControlSweep
+from fitting.measurements.control_sweep import ControlSweep
 from fitting.text.errors import BadInput
 
 #: A factor on the error that is useful in any case; a share of the usual factor that is none.

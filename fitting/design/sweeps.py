@@ -5,7 +5,7 @@ Amplitudes, `[control_sweep]`, have one row for each point and a real scale; com
 
     A = chi |P|                          S = e (a P + b + b' x)       e = exp(-i 2 pi (u - u0) tau)
 
-P is the response of the FMU, wirings as in `fitting.measurements.complex.wiring`. Gains, scales and
+P is the response of the FMU, wirings as in `fitting.measurements.complex_curve`. Gains, scales and
 backgrounds are unknown in a new sweep; where they enter derivatives they are taken to be those of
 the sweep so far whose scale is the median.
 """
@@ -23,10 +23,9 @@ from fitting.design.limits import Limits, combinations
 from fitting.design.result import DriveChoice
 from fitting.extension.problem import planning_points
 from fitting.extension.records import BoundCampaign, Prediction
-from fitting.measurements.complex.sweep import DELAY, ComplexSweep
-from fitting.measurements.control.sweep import ControlSweep
-from fitting.measurements.curve_survey import plan_curve
-from fitting.measurements.response_curve import ResponseCurve
+from fitting.measurements.complex_sweep import DELAY, ComplexSweep
+from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.response_curve import ResponseCurve, plan_curve
 from fitting.simulate.batch import Batch, answered, together
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput

@@ -35,8 +35,8 @@ from fitting.lines.decay_begin import decay_start as first_of_decay
 from fitting.lines.ringdown import Ringdown
 from fitting.lines.ringdown import ringdown_of as lines_of
 from fitting.lines.trace import AMPLITUDES, PHASORS, SAMPLES, DecayRecord, decay_record_of
-from fitting.measurements.traces.record import STATES_OF_ONE, UNKNOWN
-from fitting.measurements.traces.time_record import FOUND
+from fitting.measurements.time_record import FOUND
+from fitting.measurements.traces import STATES_OF_ONE, UNKNOWN
 from fitting.resonance.decay_reading import (
     decay_roles_of,
     is_over_time,

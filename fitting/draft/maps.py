@@ -39,7 +39,7 @@ from fitting.draft.files import BY_SCATTER, MapFile, noise_look
 from fitting.draft.model import Offer
 from fitting.draft.questions import Answers
 from fitting.extension.records import Channel, Recording
-from fitting.measurements.control.keys import FILE
+from fitting.measurements.control_tables import FILE
 from fitting.resonance.control_map import PAGE, TABLES, ControlMap
 from fitting.resonance.file_control import (
     NAME,

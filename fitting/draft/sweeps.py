@@ -42,7 +42,7 @@ from fitting.lines.names import (
     WORDS_COMPLEX,
 )
 from fitting.lines.record import LineResult
-from fitting.measurements.noise.record import THERMAL, WHITE
+from fitting.measurements.noise import THERMAL, WHITE
 from fitting.simulate.drive import Drive
 from fitting.simulate.response import plan_drive
 from fitting.text.arrays import Scalar

@@ -42,8 +42,8 @@ from fitting.draft.questions import Answers
 from fitting.extension.fmu import FmuVariable, Run
 from fitting.extension.records import Channel, TraceRecord, read_recording
 from fitting.lines.names import TIME_PAGE
-from fitting.measurements.traces.record import FIT
-from fitting.measurements.traces.waveform import HELD, LINEAR
+from fitting.measurements.traces import FIT
+from fitting.measurements.waveform import HELD, LINEAR
 from fitting.resonance.reading import Columns, with_unit
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure

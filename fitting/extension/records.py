@@ -17,9 +17,9 @@ from fitting.campaign.file import (
 from fitting.campaign.instruments import PLAIN, Channel, Recording, head_of, read_recording
 from fitting.measurements.kinds import KINDS, read_campaign
 from fitting.measurements.measurement import Measurement, Prediction
-from fitting.measurements.traces.record import TraceRecord
-from fitting.measurements.traces.time_record import TimeRecord
-from fitting.measurements.traces.waveform import Pulse, Recorded
+from fitting.measurements.time_record import TimeRecord
+from fitting.measurements.traces import TraceRecord
+from fitting.measurements.waveform import Pulse, Recorded
 
 __all__ = [
     "KINDS",

@@ -18,11 +18,10 @@ from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter, starts
 from fitting.fmu.accuracy import read_accuracy_annotation
 from fitting.fmu.pool import FmuWorkers
-from fitting.measurements.dataset import Dataset
+from fitting.measurements.dataset import Dataset, measurements_of
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.measurement import Measurement
-from fitting.measurements.of_campaign import measurements_of
 from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, measured_plan, plan_series
 from fitting.simulate.batch import Batch

@@ -61,12 +61,11 @@ from fitting.lines.form import LineFit
 from fitting.lines.names import ADDED, OFFSET, SLOPE, TAIL, UNKNOWNS
 from fitting.lines.several import BY_CHANCE, NOISE_P, fit_lines, not_by_chance, shows_all
 from fitting.lines.sweep import single_line_fits
-from fitting.measurements.complex.sweep import ComplexSweep
-from fitting.measurements.complex.wiring import BACKGROUNDS
+from fitting.measurements.complex_curve import BACKGROUNDS
+from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.measurements.sweep import Sweep
-from fitting.measurements.traces.record import UNKNOWN, TraceRecord
-from fitting.measurements.traces.traces import Traces
+from fitting.measurements.traces import UNKNOWN, TraceRecord, Traces
 from fitting.signal.chi_square import tail
 from fitting.signal.misfit import (
     Correlation,

@@ -39,7 +39,7 @@ from fitting.lines.solve import Fit
 from fitting.lines.trace import SAMPLES
 from fitting.measurements.measurement import Values
 from fitting.measurements.sweep import Sweep
-from fitting.measurements.traces.record import TraceRecord
+from fitting.measurements.traces import TraceRecord
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, residual_structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoScale

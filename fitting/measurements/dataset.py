@@ -1,16 +1,22 @@
-"""All measurements of a fit side by side: their rows, noise and scales."""
+"""All measurements of a fit side by side: their rows, noise and scales.
+
+`measurements_of` makes them of a bound campaign. It is apart from `kinds`: who has a campaign needs
+only the kinds that it holds, and loading all takes time.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from fitting.campaign import BoundCampaign
 from fitting.measurements.measurement import Measurement, Prediction, Scale, Values
-from fitting.measurements.tones import Tones
+from fitting.measurements.sweep import sweep_of
+from fitting.measurements.tones import ComplexTones, Tones, peak_sigmas
 from fitting.signal.chi_square import joined_freedom
 from fitting.signal.presence import leaves_noise
 from fitting.text.arrays import FloatArray, IntArray, Scalar
@@ -266,3 +272,36 @@ def _same(one: Scalar, other: Scalar) -> bool:
     if isinstance(one, str | bool) or isinstance(other, str | bool):
         return str(one) == str(other)
     return math.isclose(one, other, rel_tol=1e-9, abs_tol=0.0)
+
+
+def measurements_of(bound: BoundCampaign, series: str = "") -> tuple[Measurement, ...]:
+    """Everything that a campaign holds, as measurements: curves last.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        series: name of the series.
+    """
+    result: list[Measurement] = list(_tones(bound, series))
+    if bound.sweep is not None:
+        result.append(sweep_of(bound, bound.sweep, series))
+    for table, further in bound.measurements.items():
+        if not isinstance(further, Measurement):
+            raise TypeError(f"[{table}] is bound to {further!r}, wanted a Measurement")
+        result.append(further.within(bound.setup, series))
+    return tuple(sorted(result, key=lambda m: m.is_curve))
+
+
+def _tones(bound: BoundCampaign, series: str) -> Iterator[Tones]:
+    """The experiments without phases and those with, each with everything known of their noise."""
+    for kind, with_phases in ((Tones, False), (ComplexTones, True)):
+        mine = tuple(e for e in bound.experiments if (e.phases_rad is not None) == with_phases)
+        if mine:
+            sigmas_v, origin = peak_sigmas(replace(bound, experiments=mine))
+            yield kind(
+                bound.setup,
+                mine,
+                series=series,
+                sigmas_v=sigmas_v,
+                noise_origin=origin,
+                unit=bound.amplitude_unit,
+            )

@@ -24,12 +24,11 @@ import numpy.typing as npt
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
-from fitting.measurements.complex.gain import Solved
-from fitting.measurements.datum_noise import least_noise
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
+from fitting.measurements.gain import Solved
 from fitting.measurements.plan import Plan
-from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.residuals import ResidualCurve, least_noise
 from fitting.signal.presence import leaves_noise
 from fitting.signal.scale import Maximum
 from fitting.signal.window import Window

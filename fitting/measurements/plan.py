@@ -1,16 +1,272 @@
-"""The plan of a series of measurements: settling, settings and points, with their decisions."""
+"""The plan of a series of measurements: settling, settings and points, with their decisions.
+
+A `CurvePlan` states at which few frequencies a response over frequency is simulated, or all. Its
+bound is a tolerance that every evaluation checks itself against, so it is a promise for all
+parameters, not for those alone at which the plan was made.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import cached_property
 
-from fitting.measurements.curve_plan import CurvePlan, Place, curve_decision
-from fitting.measurements.traces.step_plan import StepPlan, step_decision
+import numpy as np
+
+from fitting.measurements.steps import StepPlan, step_decision
 from fitting.signal.grid import ANY_TIME, Grid
-from fitting.simulate.budget import Budget, Decision, Kind, PlanRecord
+from fitting.signal.rational import Interpolation, Interpolations
+from fitting.simulate.budget import Basis, Budget, Decision, Kind, PlanRecord
 from fitting.simulate.words import decision_in_words, sum_in_words
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Scalar
+
+#: Changes by values that are left out tell the error to this factor (300 random scenes, with and
+#: without noise: tests/bench/bench_curve.py).
+SAFETY = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Output and settings of a response; `label` of the place, None where it has none."""
+
+    output: str
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    label: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvePlan:
+    """Runs for the response of one place over `points` frequencies, from `low_hz` to `high_hz`.
+
+    Interpolated, where `basis` is RATIONAL, between `supports_hz` (m,) and `others_hz` (m,) to
+    within `tolerance` of itself, with one run at half the drive that has `half_hz` among its tones.
+    A run has `tones` of them, which changes responses by no more than `superposed`, relative. Else
+    every point is simulated: `found` is the relative error that stood in the way, `tolerance` what
+    was wanted, `tried` the number of runs that were not enough.
+    """
+
+    place: Place
+    low_hz: float
+    high_hz: float
+    points: int
+    basis: Basis
+    tolerance: float
+    supports_hz: tuple[float, ...] = ()
+    others_hz: tuple[float, ...] = ()
+    half_hz: float = 0.0
+    tones: int = 1
+    superposed: float = 0.0
+    found: float = 0.0
+    tried: int = 0
+
+    @property
+    def is_interpolated(self) -> bool:
+        """Whether fewer runs than points are made."""
+        return self.basis == Basis.RATIONAL
+
+    @property
+    def nodes_hz(self) -> FloatArray:
+        """Frequencies of the runs at the full drive, supports first, Hz."""
+        return np.array([*self.supports_hz, *self.others_hz])
+
+    @property
+    def runs(self) -> int:
+        """Runs of an evaluation, where its checks hold."""
+        return len(self.groups) + 1 if self.is_interpolated else self.points
+
+    @property
+    def bound(self) -> float:
+        """Relative error that the interpolation and the tones beside each other may cost."""
+        return self.tolerance + self.superposed
+
+    @cached_property
+    def groups(self) -> tuple[IntArray, ...]:
+        """Positions in `nodes_hz` of the tones of every run, as far apart as they can be."""
+        order, runs = np.argsort(self.nodes_hz), self.nodes_hz.size // self.tones
+        return tuple(order[k::runs] for k in range(runs))
+
+    @cached_property
+    def half_run(self) -> int:
+        """Which of `groups` has `half_hz`."""
+        return next(k for k, g in enumerate(self.groups) if self.half_hz in self.nodes_hz[g])
+
+    @property
+    def of_single_tones(self) -> CurvePlan:
+        """The same with a run for each of `nodes_hz`."""
+        return replace(self, tones=1, superposed=0.0)
+
+    def in_order(self, values: ComplexArray) -> ComplexArray:
+        """Responses at `nodes_hz`, of those in the order in which `groups` have them.
+
+        Args:
+            values: shape (k, 2 m).
+        """
+        return values[:, np.argsort(np.concatenate(self.groups))]
+
+    def at_half(self, values: ComplexArray) -> ComplexArray:
+        """Responses to half the drive at `half_hz` (k,), of those of its run.
+
+        Args:
+            values: shape (k, tones).
+        """
+        tones_hz = self.nodes_hz[self.groups[self.half_run]]
+        return values[:, int(np.flatnonzero(tones_hz == self.half_hz)[0])]
+
+    def holds(self, frequency_hz: FloatArray) -> bool:
+        """Whether all frequencies lie in the range that was planned.
+
+        Args:
+            frequency_hz: frequencies (n,), Hz.
+        """
+        return bool(np.all((frequency_hz >= self.low_hz) & (frequency_hz <= self.high_hz)))
+
+    def drafted(
+        self, points_hz: FloatArray, values: ComplexArray, half: ComplexArray
+    ) -> tuple[ComplexArray, BoolArray]:
+        """Interpolations at several parameter vectors (k, m), and which of them are known (k,).
+
+        Args:
+            points_hz: frequencies that are wanted (m,), Hz.
+            values: at `nodes_hz`, shape (k, 2 m).
+            half: by half the drive at `half_hz`, shape (k,).
+        """
+        m = len(self.supports_hz)
+        curves = Interpolations(
+            supports_hz=np.array(self.supports_hz),
+            supports=values[:, :m],
+            others_hz=np.array(self.others_hz),
+            others=values[:, m:],
+        )
+        result = curves.at(points_hz)
+        here = values[:, self.nodes_hz == self.half_hz][:, 0]
+        largest = np.max(np.abs(result.values), axis=1)
+        with np.errstate(all="ignore"):
+            known = SAFETY * np.max(result.uncertainty, axis=1) <= self.tolerance
+            known &= grown_change(here, half, largest) <= self.tolerance
+        return result.values, known
+
+    def interpolation(self, values: ComplexArray) -> Interpolation:
+        """The interpolation of what was simulated at its nodes.
+
+        Args:
+            values: at `nodes_hz`, shape (2 m,).
+        """
+        m = len(self.supports_hz)
+        return Interpolation(
+            supports_hz=np.array(self.supports_hz),
+            supports=values[:m],
+            others_hz=np.array(self.others_hz),
+            others=values[m:],
+        )
+
+
+def curve_decision(curves: Sequence[CurvePlan]) -> Decision:
+    """One decision for all curves of a plan: an amplitude belongs to one of them.
+
+    Args:
+        curves: of the plan, one at least.
+    """
+    taken = [c for c in curves if c.is_interpolated]
+    numbers: dict[str, Scalar] = {
+        "curves": len(curves),
+        "interpolated": len(taken),
+        "points": sum(c.points for c in curves),
+        "runs": sum(c.runs for c in curves),
+    }
+    if taken:
+        numbers["degree"] = max(len(c.supports_hz) - 1 for c in taken)
+        numbers["safety"] = SAFETY
+        numbers["tones"] = max(c.tones for c in taken)
+        bound = max(c.bound for c in taken)
+        return Decision(kind=Kind.CURVE, basis=Basis.RATIONAL, bound=bound, numbers=numbers)
+    worst = max(curves, key=lambda c: c.found)
+    numbers |= {"found": worst.found, "wanted": worst.tolerance, "tried": worst.tried}
+    bound = min(worst.found, 1.0)
+    return Decision(kind=Kind.CURVE, basis=worst.basis, bound=bound, numbers=numbers, taken=False)
+
+
+def grown_change(whole: ComplexArray, half: ComplexArray, largest: FloatArray) -> FloatArray:
+    """Bound of the relative change at any point by halving the drive, but for the half, (k,).
+
+    What is not linear grows with the square of the response, at the least, and shifts a resonance,
+    by which the response changes the more the larger it is.
+
+    Args:
+        whole: responses at one frequency, shape (k,).
+        half: to half the drive, there, shape (k,).
+        largest: sizes of the responses at any point, shape (k,).
+    """
+    with np.errstate(all="ignore"):
+        change = np.abs(2.0 * half / whole - 1.0)
+        grown = change * np.maximum(1.0, largest / np.abs(whole)) ** 3
+    return np.where(np.isfinite(grown), grown, np.inf)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DraftedCurve:
+    """An interpolation at one parameter vector that is to hold at `points` (m,) to a `tolerance`.
+
+    `half` is the response to half the drive at `half_hz`.
+    """
+
+    points: FloatArray
+    tolerance: float
+    curve: Interpolation
+    half_hz: float
+    half: complex
+
+    @cached_property
+    def values(self) -> ComplexArray:
+        """Phasors (m,) as they are interpolated."""
+        return self.curve.function(self.points)
+
+    @cached_property
+    def _top_hz(self) -> float:
+        sizes = np.nan_to_num(np.abs(self.values))
+        return float(self.points[int(np.argmax(sizes))])
+
+    @cached_property
+    def uncertainty(self) -> float:
+        """Bound of the relative error of the interpolation at any point."""
+        return SAFETY * float(np.max(self.curve.uncertainty(self.points)))
+
+    @cached_property
+    def nonlinearity(self) -> float:
+        """Bound of the relative change at any point by halving the drive, but for the half."""
+        here = complex(self.curve.function(np.array([self.half_hz]))[0])
+        largest = float(np.max(np.abs(self.values)))
+        return float(grown_change(np.array([here]), np.array([self.half]), np.array([largest]))[0])
+
+    @property
+    def is_known(self) -> bool:
+        """Whether both bounds keep to the tolerance."""
+        return self.uncertainty <= self.tolerance and self.nonlinearity <= self.tolerance
+
+    @property
+    def may_become_known(self) -> bool:
+        """Whether further runs can tell."""
+        if self.uncertainty > self.tolerance:
+            return self.curve.frequency_hz.size + 2 < self.points.size
+        return self.nonlinearity > self.tolerance and self.half_hz != self._top_hz
+
+    @property
+    def wanted_hz(self) -> tuple[tuple[float, ...], float]:
+        """Frequencies of further runs, Hz, and the part of the drive that they have."""
+        if self.uncertainty > self.tolerance:
+            return self.curve.wanted_hz(self.points), 1.0
+        return (self._top_hz,), 0.5
+
+    def with_values(self, frequency_hz: tuple[float, ...], values: ComplexArray) -> DraftedCurve:
+        """The draft with the answers to what it wanted.
+
+        Args:
+            frequency_hz: as `wanted_hz` gave them.
+            values: phasors there.
+        """
+        if len(frequency_hz) == 1:
+            return replace(self, half_hz=frequency_hz[0], half=complex(values[0]))
+        one, other = frequency_hz
+        return replace(self, curve=self.curve.with_values((one, other), values))
 
 
 @dataclass(frozen=True)

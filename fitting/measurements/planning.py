@@ -13,10 +13,10 @@ from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter, axis_ends, bounds, planning_points, starts
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.description import FmuVariable
-from fitting.measurements.datum_noise import accuracy_for
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
+from fitting.measurements.residuals import accuracy_for
 from fitting.simulate.batch import Batch, Workers, answered, together
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.drive import Drive

@@ -20,8 +20,6 @@ from fitting.campaign.noise import maximum_sigma, sweep_scale_sigma, sweep_sigma
 from fitting.lines.form import LineFit, fit_resonance
 from fitting.lines.names import ADDED, OFFSET, SLOPE
 from fitting.lines.sweep_model import along
-from fitting.measurements.curve_survey import plan_curve
-from fitting.measurements.datum_noise import least_noise, white_noise
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.measurement import (
@@ -34,8 +32,8 @@ from fitting.measurements.measurement import (
     without_drive,
 )
 from fitting.measurements.plan import Plan
-from fitting.measurements.residual_curve import ResidualCurve, mistakes
-from fitting.measurements.response_curve import ResponseCurve
+from fitting.measurements.residuals import ResidualCurve, least_noise, mistakes, white_noise
+from fitting.measurements.response_curve import ResponseCurve, plan_curve
 from fitting.signal.scale import (
     FINE_POINTS,
     SCALES,

@@ -26,9 +26,8 @@ import numpy as np
 
 import build_fmu
 import fitting as ff
-from fitting.measurements import curve_survey
-from fitting.measurements.curve_survey import plan_curve
-from fitting.measurements.response_curve import ResponseCurve
+from fitting.measurements import response_curve
+from fitting.measurements.response_curve import ResponseCurve, plan_curve
 from fitting.simulate.batch import Batch
 from fitting.text.arrays import Scalar
 from tests.support.cfmu_build import build_c_fmu
@@ -144,14 +143,14 @@ def driven(path: Path) -> str:
 
 def by_input(folder: Path, before: bool) -> None:
     """The table of the driven input."""
-    path, worth = build_c_fmu(folder), curve_survey.WORTH
+    path, worth = build_c_fmu(folder), response_curve.WORTH
     print("a sweep of 201 points through an input that is held over 40 steps in a period")
     print(f"  few runs of several tones  {driven(path)}")
-    curve_survey.WORTH = 0.0
+    response_curve.WORTH = 0.0
     print(f"  few runs of single tones   {driven(path)}")
-    curve_survey.WORTH = worth
+    response_curve.WORTH = worth
     if before:
-        curve_survey.LEAST_POINTS = WHOLE + 1
+        response_curve.LEAST_POINTS = WHOLE + 1
         print(f"  every point                {driven(path)}")
 
 
@@ -171,7 +170,7 @@ def main() -> int:
             print(f"  few runs    {fitted(path, misfit)}")
         by_input(Path(folder), args.before)
         if args.before:
-            curve_survey.LEAST_POINTS = WHOLE + 1
+            response_curve.LEAST_POINTS = WHOLE + 1
             for misfit in ("squares", "slack"):
                 print(f"  every point {fitted(path, misfit)}")
     return 0 if all(kept) else 1

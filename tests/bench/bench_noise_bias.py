@@ -17,8 +17,7 @@ from scipy.constants import Boltzmann
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 
-from fitting.measurements.noise.levels import best_levels
-from fitting.measurements.noise.record import NoiseRecord
+from fitting.measurements.noise import NoiseRecord, best_levels
 from fitting.text.arrays import FloatArray
 from tests.bench.bench_noise import LABORATORY, LENGTH
 

@@ -31,8 +31,7 @@ from fitting.campaign.instruments import (
     read_trace,
 )
 from fitting.campaign.recognised import recognised
-from fitting.measurements.complex.keys import read_complex
-from fitting.measurements.complex.table import ComplexSweepTable
+from fitting.measurements.complex_tables import ComplexSweepTable, read_complex
 from fitting.resonance.reading import Columns as LineColumns
 from fitting.resonance.reading import roles_of
 from fitting.signal.amplitudes import declared_amplitude, to_peak

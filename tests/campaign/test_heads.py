@@ -13,7 +13,7 @@ import pytest
 import fitting as ff
 from fitting.campaign.instruments import Selection, read_recording
 from fitting.campaign.recognised import recognised
-from fitting.measurements.complex.keys import read_complex
+from fitting.measurements.complex_tables import read_complex
 from fitting.resonance.reading import Columns, read_trace_of
 from fitting.text.errors import BadInput
 from tests.support.in_process import told

@@ -21,7 +21,7 @@ from fitting.design.limits import DesignTable, Limits, limits_of, refuse_wider
 from fitting.design.tones import ToneCandidates
 from fitting.fmu.pool import FmuWorkers
 from fitting.lab.instruments import LockIns
-from fitting.measurements.complex.tones import ComplexTones
+from fitting.measurements.tones import ComplexTones
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import write_all

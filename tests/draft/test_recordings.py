@@ -12,8 +12,8 @@ import pytest
 
 import fitting as ff
 from fitting.draft.api import Question, init
-from fitting.measurements.record_table import ReadRecords
-from fitting.measurements.traces.table import TraceTable
+from fitting.measurements.records import ReadRecords
+from fitting.measurements.trace_tables import TraceTable
 
 pytestmark = pytest.mark.usefixtures("swift_models")
 

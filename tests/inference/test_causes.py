@@ -24,7 +24,7 @@ from scipy.constants import Boltzmann
 from scipy.optimize import least_squares
 
 from fitting.inference.checks import mistakes
-from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.residuals import ResidualCurve
 from fitting.report.summary import summary_of
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import ComplexArray, FloatArray

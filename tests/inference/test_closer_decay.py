@@ -7,7 +7,7 @@ import pytest
 
 from fitting.inference.adequacy import Model, compared_decay
 from fitting.inference.sweeps import DecayingLines
-from fitting.measurements.traces.record import TraceRecord
+from fitting.measurements.traces import TraceRecord
 from fitting.text.rendering import phrase
 
 T = np.arange(2500) / 8000.0

@@ -22,9 +22,8 @@ from fitting.inference.likelihood.knowledge import (
     ValueAlone,
 )
 from fitting.measurements.measurement import Prediction
-from fitting.measurements.noise.record import NoiseRecord
-from fitting.measurements.noise.spectra import NoiseSpectra
-from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.noise import NoiseRecord, NoiseSpectra
+from fitting.measurements.residuals import ResidualCurve
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.report.published import rows_of

@@ -9,7 +9,7 @@ import pytest
 
 import fitting as ff
 from fitting.lab.instruments import LockIns
-from fitting.measurements.complex.tones import ComplexTones
+from fitting.measurements.tones import ComplexTones
 from fitting.text.errors import BadInput
 from tests.support.modes_mpmath import log_responses
 

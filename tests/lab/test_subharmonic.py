@@ -18,7 +18,7 @@ from fitting.lab.subharmonic import (
     closest_peaks_hz,
 )
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control.keys import ReadSpectra
+from fitting.measurements.control_tables import ReadSpectra
 from fitting.text.errors import BadInput
 
 BENCH = SubharmonicBench()

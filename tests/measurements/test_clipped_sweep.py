@@ -9,7 +9,7 @@ import pytest
 
 import fitting as ff
 from fitting.lines.excluded import clipped_top
-from fitting.measurements.control.sweep import ControlSweep
+from fitting.measurements.control_sweep import ControlSweep
 from fitting.text.rendering import sentence
 from fitting.text.toml import read_toml, toml_text
 from tests.faults.scene import CAMPAIGN, D_HZ, ETA_HZ, FMU, SWEEP, amplitude_v, csv, texts

@@ -13,8 +13,8 @@ import fitting as ff
 from fitting.campaign import Setup
 from fitting.fmu.runs import Run
 from fitting.inference.agreement import sweep_agreement
-from fitting.measurements.complex.tones import ComplexTones
 from fitting.measurements.measurement import Prediction
+from fitting.measurements.tones import ComplexTones
 from fitting.simulate.drive import Drive
 from fitting.simulate.probe import Probe, Reading
 from fitting.text.arrays import ComplexArray, FloatArray

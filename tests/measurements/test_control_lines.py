@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.measurements.control.lines import lines_figure
-from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.figure import Axis, Role
+from fitting.measurements.maps import ControlMaps, MappedSpectrum, lines_figure
 
 F_HZ = 7e6 + np.linspace(-500.0, 500.0, 41)
 

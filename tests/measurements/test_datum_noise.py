@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.measurements.datum_noise import accuracy_for, white_noise
+from fitting.measurements.residuals import accuracy_for, white_noise
 from fitting.simulate.budget import Basis, Kind
 from fitting.text.arrays import FloatArray
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fitting.fmu.pool import FmuWorkers
-from fitting.measurements.known_answers import KnownAnswers
+from fitting.measurements.fmu_response import KnownAnswers
 from fitting.text.errors import FmuFailure
 from tests.fmu.test_workers import FAILS_IN_STEP, PULLED, step_response
 from tests.simulate.test_shared_runs import P, campaign

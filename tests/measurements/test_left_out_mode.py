@@ -15,7 +15,7 @@ from fitting.fit.likelihood import LikelihoodEvaluator, Request, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.noise.record import NoiseRecord
+from fitting.measurements.noise import NoiseRecord
 from fitting.measurements.plan import Plan
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.probe import Probe

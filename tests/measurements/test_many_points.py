@@ -7,8 +7,7 @@ import pytest
 
 import fitting as ff
 from fitting.campaign import Setup
-from fitting.measurements.complex.curve import ComplexCurve
-from fitting.measurements.complex.wiring import Wiring
+from fitting.measurements.complex_curve import ComplexCurve, Wiring
 from tests.support.complex_data import mode
 from tests.support.one_mode import DRIVE, START
 

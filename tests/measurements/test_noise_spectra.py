@@ -15,8 +15,7 @@ from scipy.signal import get_window
 from scipy.stats import chi2, gamma
 
 import fitting as ff
-from fitting.measurements.noise.levels import best_levels
-from fitting.measurements.noise.record import NoiseRecord
+from fitting.measurements.noise import NoiseRecord, best_levels
 from fitting.report.screen import phrase, phrases
 from fitting.report.shown import figures_of
 from fitting.report.summary import summary_of

@@ -15,7 +15,7 @@ from fitting.fit.problem import problem_of
 from fitting.inference.likelihood.knowledge import PartAlone
 from fitting.lab.pumped import PumpedBench
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control.sweep import ControlSweep
+from fitting.measurements.control_sweep import ControlSweep
 from fitting.report.figures import measurements as measurement
 from fitting.report.identification import identification_lines
 from fitting.text.errors import BadInput

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fitting as ff
-from fitting.measurements.traces.own_steps import euler_leaves
+from fitting.measurements.steps import euler_leaves
 from fitting.simulate.budget import Decision, Kind
 from fitting.simulate.words import decision_in_words
 from fitting.text.arrays import FloatArray

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.measurements.residual_curve import ResidualCurve
+from fitting.measurements.residuals import ResidualCurve
 from fitting.text.arrays import FloatArray
 
 

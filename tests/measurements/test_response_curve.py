@@ -20,11 +20,9 @@ from fitting.campaign import Drive, Setup
 from fitting.campaign.parameters import Parameter
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Run
-from fitting.measurements.curve_plan import CurvePlan
-from fitting.measurements.curve_survey import plan_curve
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.plan import Plan
-from fitting.measurements.response_curve import ResponseCurve
+from fitting.measurements.plan import CurvePlan, Plan
+from fitting.measurements.response_curve import ResponseCurve, plan_curve
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.words import decision_in_words

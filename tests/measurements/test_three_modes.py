@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.measurements.control.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.figure import Axis
+from fitting.measurements.maps import ControlMaps, MappedSpectrum
 from fitting.text.arrays import FloatArray
 
 pytestmark = pytest.mark.usefixtures("swift_models")

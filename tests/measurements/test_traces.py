@@ -14,8 +14,8 @@ from scipy.stats import chi2
 
 import fitting as ff
 from fitting.fmu.runs import Run, SampledSignal
-from fitting.measurements.traces.step_plan import first_steps
-from fitting.measurements.traces.waveform import Recorded, Waveform
+from fitting.measurements.steps import first_steps
+from fitting.measurements.waveform import Recorded, Waveform
 from fitting.report.shown import shown_fit
 from fitting.report.summary import summary_of
 from fitting.simulate.budget import Kind

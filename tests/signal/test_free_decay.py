@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from fitting.measurements.traces.decay_run import SPARED, few_samples
+from fitting.measurements.time_record import SPARED, few_samples
 from fitting.signal.free_decay import FewSamples, Rebuilt, rebuilt
 from fitting.text.arrays import FloatArray
 

@@ -39,11 +39,10 @@ from fitting.fit.optimum import most_likely
 from fitting.inference.agreement import share_apart
 from fitting.inference.checks.solutions import Solved
 from fitting.inference.likelihood.knowledge import Adequacy
-from fitting.measurements.complex.tones import ComplexTones
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.measurements.measurement import DivisibleResponse, Measurement
-from fitting.measurements.residual_curve import ResidualCurve
-from fitting.measurements.tones import Tones
+from fitting.measurements.residuals import ResidualCurve
+from fitting.measurements.tones import ComplexTones, Tones
 from fitting.signal.chi_square import tail
 from fitting.signal.misfit import (
     IMPROBABLE,

@@ -20,7 +20,7 @@ import numpy as np
 import fitting as ff
 from fitting.fit.problem import Problem as Record
 from fitting.lab.modes import CoupledModes
-from fitting.measurements.control.sweep import ControlSweep
+from fitting.measurements.control_sweep import ControlSweep
 from fitting.measurements.measurement import Evaluation, Measurement, Prediction
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 

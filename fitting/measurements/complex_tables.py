@@ -1,4 +1,4 @@
-"""Complex sweeps in files: the keys that their tables share, how values are read and checked.
+"""Tables of complex sweeps: [[complex_sweep]], and [complex_control_sweep] over a control.
 
 A file has complex values in one of four ways, each column with its unit: X and Y, real and
 imaginary part, amplitude and phase, or dB and phase. Phases may be wrapped or not. Values count
@@ -7,13 +7,18 @@ phases as output(t) = Re[value exp(i 2 pi u t)]: the phase of a response falls w
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
+from fitting.campaign import Setup
+from fitting.campaign.binder import Binder
+from fitting.campaign.file import LayoutKeys
 from fitting.campaign.instruments import (
+    LAYOUTS,
     Channel,
     ComplexColumns,
     Recording,
@@ -32,14 +37,16 @@ from fitting.campaign.instruments.roles import (
     requested_column,
     without_zero,
 )
+from fitting.fmu.description import READABLE
 from fitting.lines.starts import complex_line
-from fitting.measurements.clipped import cut_off
-from fitting.measurements.complex.curve import ComplexCurve
-from fitting.measurements.complex.wiring import BACKGROUNDS, WIRINGS, Wiring
+from fitting.measurements.complex_curve import BACKGROUNDS, WIRINGS, ComplexCurve, Wiring
+from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.control_tables import ControlPlace, ControlTable, cut_off
+from fitting.measurements.records import StatedTable
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import prefixed
-from fitting.text.schema import Keys, OneOf, Refused, Switch, Text, Value, refusing
+from fitting.text.schema import FileName, Keys, OneOf, Refused, Switch, Text, Value, refusing
 from fitting.text.tables import hertz_of
 from fitting.text.units import convert, in_unit, parse_quantity
 
@@ -361,3 +368,79 @@ def check_delay(result: ComplexCurve, delay_s: float | None, where: str) -> None
 def _seconds(value: float) -> str:
     factor, unit = prefixed(abs(value), "s")
     return f"{value / factor:.3g} {unit}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComplexSweepTable(StatedTable, LayoutKeys, ComplexKeys):
+    """A complex frequency response: lock-in amplifier or network analyser, over drive frequency.
+
+    Several of these tables are fitted together.
+    """
+
+    TABLE: ClassVar[str] = "complex_sweep"
+    TOGETHER = ComplexSweep
+
+    file: FileName
+    """Frequency with X and Y, real and imaginary part, amplitude and phase, or dB and phase, each
+    column with its unit."""
+
+    def __post_init__(self) -> None:
+        self.check()
+        self.check_layout()
+
+    def record(self, label: str) -> ComplexCurve:
+        """The sweep of the file.
+
+        Args:
+            label: of the sweep.
+        """
+        measured = read_complex(self.file, self.layout, self.selection(self.columns))
+        return self.curve_of(measured, label)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComplexControlSweepTable(ControlTable, ComplexKeys):
+    """Complex sweeps over drive frequency at several values of a control, fitted as a whole."""
+
+    TABLE: ClassVar[str] = "complex_control_sweep"
+
+    file: FileName
+    """Either all points, a row each: the controls, frequency, X and Y (or Re and Im, amplitude and
+    phase, dB and phase); or a row for each sweep: the controls, and in the column file the name of
+    the sweep's own file."""
+    layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
+    """How the instrument writes the sweeps' own files; without it their content decides."""
+
+    def __post_init__(self) -> None:
+        self.check()
+        self.check_controls("X", "Y", "phase", *vars(self.columns).values())
+
+    def spectrum_at(self, recording: Recording, place: ControlPlace) -> ComplexCurve:
+        """The complex values of a place in Hz, as far as they are in the range."""
+        if place.file != recording.path:
+            measured = read_complex(place.file, self.layout, Selection(**vars(self.columns)))
+        else:
+            measured = complex_of(recording.part(place.rows), self.columns)
+        kept = self.inside(measured.u_hz, f"{measured.source}: the sweep at {place.label}")
+        part = replace(measured, frequency_hz=measured.u_hz[kept], values=measured.y[kept])
+        return self.curve_of(part, place.label)
+
+    def bind_spectra(
+        self,
+        places: Sequence[ControlPlace],
+        spectra: Sequence[ComplexCurve],
+        binder: Binder,
+        setup: Setup,
+    ) -> ComplexSweep:
+        """The sweeps with the controls in the units of laws and of the FMU."""
+        output = self.output or ""
+        if output:
+            where = f"{setup.source}: [{self.TABLE}] output"
+            binder.real(output, where, READABLE, "observed")
+        curves = []
+        for place, curve in zip(places, spectra, strict=True):
+            settings = {n: float(binder.setting(n, w)) for n, w in place.controls.items()}
+            curves.append(replace(curve, settings=settings, output=output))
+        return ComplexSweep(
+            setup=setup, curves=tuple(curves), units=self.control_units(binder), one_delay=True
+        )

@@ -1,22 +1,29 @@
-"""Time record: values over time, whose runs begin with them, and the pulse for their decay."""
+"""Time record: values over time, whose runs begin with them, and the pulse for their decay.
+
+The response to a pulse is a run of the FMU at all samples, or at few from which the others follow.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from fitting.fmu.runs import SampledSignal
-from fitting.measurements.record import Record
-from fitting.measurements.traces.own_steps import LOOKED, Look
+from fitting.fmu.runs import SampledSignal, Segment
+from fitting.measurements.records import Record
+from fitting.measurements.steps import LOOKED, Look, StepPlan
+from fitting.signal.free_decay import FewSamples, rebuilt
 from fitting.signal.time_grid import refuse_clipped, spacing_s
 from fitting.signal.window import Window
+from fitting.simulate.batch import Batch, Variation
 from fitting.text.arrays import (
     ComplexArray,
     FloatArray,
     IntArray,
+    Scalar,
     as_numbers,
     as_values,
     require_size,
@@ -157,3 +164,79 @@ class TimeRecord(Record):
         kept[:per_sample] = level
         step_s = window.step_s / per_sample
         return SampledSignal((self.input,), step_s, kept, np.zeros((window.samples, 1)))
+
+
+#: Blocks, and samples of each, that are tried one after the other.
+BLOCKS = ((12, 4), (16, 6), (24, 8), (32, 12))
+#: Of this many samples one is simulated, at most: with more it is not worth it.
+SPARED = 4
+
+
+def few_samples(samples: int) -> list[FewSamples]:
+    """Which samples of a decay may be worth a trial, the fewest first.
+
+    Args:
+        samples: of the whole run.
+    """
+    apart = [each for each in BLOCKS if SPARED * each[0] * each[1] <= samples]
+    tried = [FewSamples(samples, blocks, length) for blocks, length in apart]
+    return [few for few in tried if SPARED * few.indices.size <= samples]
+
+
+def ask_decay(
+    trace: TimeRecord,
+    values: Mapping[str, Scalar],
+    plan: StepPlan | None,
+    batch: Batch,
+    output: str,
+    owner: int = 0,
+) -> int:
+    """Number of the run after a pulse: at few samples, where the plan says so.
+
+    Args:
+        trace: whose decay it is.
+        values: start values of the FMU, by name.
+        plan: of its steps; None: one between two samples, and all samples.
+        batch: where runs are asked for.
+        output: name of the output.
+        owner: which evaluation pays for the run.
+    """
+    if plan is None or plan.few is None:
+        signal = trace.pulse(1 if plan is None else plan.per_sample)
+        return batch.ask(values, trace.pulse_window, signal, output, owner)
+    step_s = trace.pulse_window.step_s
+    own = Variation(
+        {trace.input: 1.0},
+        Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=1),
+        moved=trace.input,
+        segments=_segments(plan.few, step_s),
+    )
+    [run] = batch.ask_varied(values, [own], output, owner)
+    return run
+
+
+def read_decay(plan: StepPlan, batch: Batch, run: int, output: str) -> FloatArray | None:
+    """All samples of a run after a pulse; None where they do not follow from the few of it.
+
+    Args:
+        plan: of the steps of its trace.
+        batch: that has simulated it.
+        run: its number.
+        output: name of the output.
+    """
+    observed = batch.samples(run, output)
+    if plan.few is None:
+        return observed
+    result = rebuilt(plan.few, observed[1:], plan.tolerance)  # the first is seen under the pulse
+    return None if result is None else result.samples
+
+
+@lru_cache(maxsize=64)
+def _segments(few: FewSamples, step_s: float) -> tuple[Segment, ...]:
+    """A sample each, at the very times of the whole run; the input is zero from the first on."""
+    times = [float((k + 1) * step_s) for k in few.indices]
+    before = [step_s, *times[:-1]]
+    return tuple(
+        Segment(value=0.0, settle_s=then - now, sample_step_s=step_s, samples=1)
+        for now, then in zip(before, times, strict=True)
+    )

@@ -1,4 +1,28 @@
-"""Complex curve: the values of one sweep, what is known of them, and one mode that they follow."""
+"""Complex curve: the values of one sweep, what is known of them, and one mode that they follow.
+
+`Wiring` is how the response H of the FMU stands in what an instrument sees:
+
+    transmission   S = e (a H + b + b' x)            a resonance that is driven and read
+    notch          S = a e (1 + s x + c H)           one beside a feed line; hanger
+    reflection     S = a e (1 + s x + c H)           one at the end of a line
+
+    e = exp(-i 2 pi (u - u0) tau)     x = (u - u0)/half the span     u0 the middle of the sweep
+
+a, b, b', s and c are complex and enter linearly, as a, b, b', a s and a c: they are solved inside
+every evaluation (`fitting.measurements.gain`). The delay tau is a parameter of the fit. A
+complex gain with a constant background makes a Fano line. Values count phases as
+Re[S exp(i 2 pi u t)].
+
+`dip_qualities` are the quality factors of a mode beside a line. Where one mode is seen, with loaded
+quality Q and the dip D = -c H(eta) at its eigenfrequency, 1 + c H the wiring,
+
+    notch          D = (Q/|Qc|) exp(i phi)           reflection     D = 2 (Q/|Qc|) exp(i phi)
+
+    1/Qc = Re(1/(|Qc| exp(-i phi)))                  1/Qi = 1/Q - 1/Qc
+
+which is the diameter correction: the real part of D counts, not its modulus.
+Source: S. Probst, F. Song, P. Bushev, A. Ustinov, M. Weides, Rev. Sci. Instrum. 86 (2015) 024706.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +35,10 @@ import numpy.typing as npt
 
 from fitting.campaign.measured import check_count, check_rising
 from fitting.lines.starts import ComplexLine, complex_line
-from fitting.measurements.complex.wiring import Wiring
-from fitting.measurements.record import Curve, Record
-from fitting.measurements.residual_curve import ResidualCurve, mistakes
+from fitting.measurements.gain import Solved
+from fitting.measurements.measurement import Estimated
+from fitting.measurements.records import Curve, Record
+from fitting.measurements.residuals import ResidualCurve, mistakes
 from fitting.signal.roughness import roughness
 from fitting.text.arguments import checked
 from fitting.text.arrays import (
@@ -27,6 +52,62 @@ from fitting.text.arrays import (
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
 from fitting.text.notation import hertz
+
+WIRINGS = ("transmission", "notch", "reflection")
+BACKGROUNDS = ("none", "constant", "slope")
+
+
+@checked
+@dataclass(frozen=True, kw_only=True)
+class Wiring:
+    """What stands beside the response.
+
+    Args:
+        kind: "transmission", "notch" or "reflection".
+        background: "none", "constant" or "slope"; the constant of a notch or reflection is there
+            anyway.
+
+    Raises:
+        BadInput: another word.
+    """
+
+    kind: str = "transmission"
+    background: str = "none"
+
+    def __post_init__(self) -> None:
+        for name, known in (("kind", WIRINGS), ("background", BACKGROUNDS)):
+            if getattr(self, name) not in known:
+                raise BadInput(
+                    f"wiring: {name} is {getattr(self, name)!r}, wanted one of {', '.join(known)}"
+                )
+
+    @property
+    def has_baseline(self) -> bool:
+        """Whether something passes the resonance by that its gain multiplies, too."""
+        return self.kind != "transmission"
+
+    @property
+    def columns(self) -> int:
+        """Number of complex unknowns that enter linearly."""
+        nearby = BACKGROUNDS.index(self.background)
+        return 1 + (max(nearby, 1) if self.has_baseline else nearby)
+
+    def design(
+        self, frequency_hz: FloatArray, response: ComplexArray, delay_s: float, middle_hz: float
+    ) -> ComplexArray:
+        """Columns H e, e, x e, as many as there are: (n, columns).
+
+        Args:
+            frequency_hz: u (n,), Hz.
+            response: H (n,), in the FMU's unit.
+            delay_s: tau, s.
+            middle_hz: u0, Hz.
+        """
+        rotated = np.exp(-2j * np.pi * (frequency_hz - middle_hz) * delay_s)
+        x = (frequency_hz - middle_hz) / max(0.5 * float(np.ptp(frequency_hz)), 1e-300)
+        columns = np.column_stack([response, np.ones_like(x), x][: self.columns])
+        return np.asarray(columns * rotated[:, None])
+
 
 #: Line widths that a sweep has to span for a delay to be told from the phase of the line itself.
 WIDTHS_FOR_DELAY = 3.0
@@ -190,3 +271,68 @@ class ComplexCurve(Record, Curve):
             model=values,
             measured=self.y,
         )
+
+
+#: What one mode may leave of a response that counts as that of a single one.
+SINGLE = 1e-2
+
+
+def dip_qualities(
+    curve: ComplexCurve, response: ComplexArray, solved: Solved, spread: float
+) -> dict[str, Estimated]:
+    """Coupling and internal quality by name, as losses; nothing without a single mode's dip.
+
+    Args:
+        curve: as measured.
+        response: H (n,), in the FMU's unit.
+        solved: gain and backgrounds.
+        spread: standard deviation of each quadrature, in ``curve.unit``.
+    """
+    values = _values(curve, response, solved.coefficients)
+    if not values:
+        return {}
+    # Gaussian errors of each quadrature: those of the coefficients are circular, too
+    errors = spread * _root(solved.design)
+    steps = [
+        _values(curve, response, solved.coefficients + factor * column)
+        for column in errors.T
+        for factor in (1.0, 1.0j)
+    ]
+    result = {}
+    for name, value in values.items():
+        changes = [step.get(name, np.nan) - value for step in steps]
+        result[name] = Estimated(value, float(np.linalg.norm(changes)), is_loss=True)
+    return result
+
+
+def _values(
+    curve: ComplexCurve, response: ComplexArray, coefficients: ComplexArray
+) -> dict[str, float]:
+    """Losses of coupling and of the mode itself by name; nothing without a single mode's dip.
+
+    Args:
+        curve: as measured.
+        response: H (n,), in the FMU's unit.
+        coefficients: of the columns H, 1, x, (k,).
+    """
+    u_hz, wiring = curve.u_hz, curve.wiring
+    line = complex_line(u_hz, response)
+    alone = line.misfit < SINGLE and line.width_hz > 0.0
+    if not (wiring.has_baseline and alone and u_hz[0] < line.eta_hz < u_hz[-1]):
+        return {}
+    baseline = coefficients[1]
+    if coefficients.size > 2:
+        half = 0.5 * float(np.ptp(u_hz))
+        baseline = baseline + coefficients[2] * (line.eta_hz - u_hz[0] - half) / half
+    depth, loaded_q = complex(-coefficients[0] / baseline * line.top), line.eta_hz / line.width_hz
+    divisor = 2.0 if wiring.kind == "reflection" else 1.0
+    coupling = depth.real / divisor / loaded_q  # the diameter correction: not the modulus of D
+    # what is left for the mode itself is negative where the coupling takes more than all
+    return {"Q_coupling": coupling, "Q_internal": 1.0 / loaded_q - coupling}
+
+
+def _root(design: ComplexArray) -> ComplexArray:
+    """R (k, k), R R^H = (A^H A)^-1: errors of coefficients of columns A for errors of one."""
+    sizes = np.linalg.norm(design, axis=0)
+    upper = np.linalg.qr(design / sizes, mode="r")
+    return np.asarray(np.linalg.inv(upper) / sizes[:, None])

@@ -10,22 +10,17 @@ from typing import Annotated, Any, ClassVar
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments import Channel, Recording, Selection, read_recording, unit_of
-from fitting.campaign.instruments.roles import (
-    HOLDS,
-    Density,
-    density_of,
-    relative_density,
-)
-from fitting.measurements.noise.record import (
+from fitting.campaign.instruments.roles import HOLDS, Density, density_of, relative_density
+from fitting.measurements.noise import (
     COLOURED,
     FORCES,
     THERMAL,
     WHITE,
     WINDOWS,
     NoiseRecord,
+    NoiseSpectra,
 )
-from fitting.measurements.noise.spectra import NoiseSpectra
-from fitting.measurements.record_table import RecordTable
+from fitting.measurements.records import RecordTable
 from fitting.text.errors import BadInput
 from fitting.text.schema import (
     FileName,

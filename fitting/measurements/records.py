@@ -1,36 +1,154 @@
-"""Records of one kind that are fitted together: what all kinds of them answer alike."""
+"""Records of measured values, over frequency or over time, and their tables in a campaign.
+
+`Measured` and `Record` are what every record has, `Together` answers for records of one kind that
+are fitted together, `RecordTable` reads one of them.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar, cast
 
 import numpy as np
 
 from fitting.campaign import Setup
-from fitting.measurements.curve_survey import plan_curve
-from fitting.measurements.datum_noise import least_noise
+from fitting.campaign.binder import Binder
+from fitting.campaign.drift import bind_sigmas
+from fitting.campaign.kind import MeasurementTable
+from fitting.campaign.parameters import Parameter
+from fitting.fmu.description import READABLE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
-from fitting.measurements.measurement import (
-    Measurement,
-    Prediction,
-    Sampled,
-    Values,
-    without_drive,
-)
+from fitting.measurements.measurement import Measurement, Prediction, Sampled, Values, without_drive
 from fitting.measurements.plan import Plan
-from fitting.measurements.record import Curve, Measured
-from fitting.measurements.residual_curve import ResidualCurve
-from fitting.measurements.response_curve import ResponseCurve
+from fitting.measurements.residuals import ResidualCurve, least_noise, white_noise
+from fitting.measurements.response_curve import ResponseCurve, plan_curve
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, gathered
 from fitting.text.finding import Finding
+from fitting.text.schema import FileName, Text, Value
+
+
+class Measured:
+    """Values ``y`` (n,) of one place, real or complex: a base class for their record.
+
+    ``rows`` is their number of residual rows, ``largest`` what these are relative to.
+    """
+
+    label: str
+    settings: Mapping[str, Scalar]
+    y: Values
+    #: The FMU's output that is observed; empty: the setup's.
+    output: str = ""
+    #: Which points of the file are not here, and why.
+    left_out: tuple[Finding, ...] = ()
+    #: Standard deviations of settings, in the FMU's units; None: errors cannot be declared.
+    setting_sigma: Mapping[str, float] | None = None
+
+    @property
+    def solved_inside(self) -> int:
+        """How many real numbers are solved for inside its rows."""
+        return 0
+
+    @property
+    def rows(self) -> int:
+        """Number of residual rows: one for each value."""
+        return int(self.y.size)
+
+    @property
+    def row_sigma(self) -> float:
+        """Standard deviation of its rows; zero where unknown."""
+        raise NotImplementedError
+
+    @property
+    def estimated_noise(self) -> float:
+        """Standard deviation of a datum over the largest one, from the scatter of all."""
+        largest = float(np.max(np.abs(self.y), initial=0.0))
+        return white_noise(self.y) / largest if largest > 0.0 else 0.0
+
+    def rows_of(self, values: Values) -> FloatArray:
+        """Rows of a difference from the data.
+
+        Args:
+            values: simulated less measured, (n,), in the unit of the data.
+        """
+        raise NotImplementedError
+
+    def residuals(self, simulated: Values) -> FloatArray:
+        """Rows of simulated values.
+
+        Args:
+            simulated: S (n,), in the unit of the data.
+        """
+        return self.rows_of(simulated - self.y)
+
+    def share_left(self, rows: FloatArray) -> float:
+        """Root mean square of its residuals, over its largest amplitude.
+
+        Args:
+            rows: residuals, (rows,).
+        """
+        return float(np.sqrt(np.mean(rows**2)))
+
+    def residual_curve(self, at: slice, rows: FloatArray) -> ResidualCurve:
+        """Its residuals along the axis of its values.
+
+        Args:
+            at: which rows of the measurement these are.
+            rows: residuals, (rows,).
+        """
+        raise NotImplementedError
+
+
+class Curve(Measured):
+    """Values over the frequency ``u_hz`` (n,), Hz, of a tone that drives: a base class."""
+
+    u_hz: FloatArray
+
+    @property
+    def top_hz(self) -> float:
+        """Where the response is largest, Hz."""
+        return float(self.u_hz[int(np.argmax(self.y))])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Record(Measured):
+    """What is known of measured values, whatever their kind; the kinds explain the fields."""
+
+    settings: Mapping[str, Scalar] = field(default_factory=dict)
+    label: str = ""
+    output: str = ""
+    unit: str = "V"
+
+    @property
+    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
+        """Label and settings."""
+        return ((self.label, self.settings),)
+
+    @property
+    def control_units(self) -> Mapping[str, str]:
+        """None: settings are variables of the FMU."""
+        return {}
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """None beside the FMU's."""
+        return ()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class OfSetup:
+    """What makes a record a measurement by itself: its setup, and the series that it belongs to."""
+
+    setup: Setup
+    series: str = ""
+
 
 R = TypeVar("R", bound=Measured)
 C = TypeVar("C", bound=Curve)
@@ -316,3 +434,140 @@ class SweepsTogether(CurvesTogether[C]):
         """
         kept = tuple(x for x in self.records if x.label in labels)
         return self.of_records(kept) if kept else None
+
+
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordTable(MeasurementTable):
+    """What all repeated tables of records tell: the file, the output, the label, start values."""
+
+    REPEATED: ClassVar[bool] = True
+    #: The measurement that their records are together.
+    TOGETHER: ClassVar[type[Together[Any]]]
+
+    file: FileName
+    """Columns with their units."""
+    output: Text | None = None
+    """The FMU output that is observed; without it that of [observe]."""
+    label: Text = ""
+    """Name of this record, for values of its own; without it "1", "2" where there are several."""
+    set: Mapping[str, Value] = field(default_factory=dict)
+    """Start values of the FMU during the record."""
+
+    def record(self, label: str) -> Record:
+        """What the file holds; what depends on the FMU follows in `bound`.
+
+        Args:
+            label: of the record.
+
+        Raises:
+            BadInput: one line with file, column or key, what was found, what is wanted.
+        """
+        raise NotImplementedError
+
+    def bound(self, binder: Binder, setup: Setup, label: str) -> Record:
+        """What the file holds, with settings and output in the names and units of the FMU.
+
+        Args:
+            binder: of the campaign to its FMU.
+            setup: how the campaign drives the FMU.
+            label: of the record.
+        """
+        record = self.checked(partial(self.record, label), binder, setup)
+        return replace(record, **self.known(binder, setup))
+
+    def checked(self, read: Callable[[], Made], binder: Binder, setup: Setup) -> Made:
+        """What is read of the file: what is wrong in it and in the table is reported together.
+
+        Args:
+            read: reads the file.
+            binder: of the campaign to its FMU.
+            setup: how the campaign drives the FMU.
+        """
+        made: list[Any] = gathered((read, *self.checks(binder, setup)))
+        return cast("Made", made[0])
+
+    def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What examines each name and value by itself.
+
+        Args:
+            binder: of the campaign to its FMU.
+            setup: how the campaign drives the FMU.
+        """
+        if self.output or self.TRANSIENT:
+            where = f"{setup.source}: [[{self.TABLE}]] output"
+            yield partial(binder.real, self.output or setup.output, where, READABLE, "observed")
+        yield partial(binder.settings, self.set)
+
+    def known(self, binder: Binder, setup: Setup) -> dict[str, Any]:
+        """Fields of the record that follow from the table and the FMU, by name.
+
+        Args:
+            binder: of the campaign to its FMU.
+            setup: how the campaign drives the FMU.
+        """
+        return {"settings": binder.settings(self.set), "output": self.output or ""}
+
+    @classmethod
+    def read_together(cls, tables: Sequence[Self]) -> ReadRecords:
+        """All tables, with the labels that distinguish them; their files are read when bound."""
+        return ReadRecords(tuple(tables), labels_of(tables))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedTable(RecordTable):
+    """A table whose start values may have declared errors."""
+
+    set_sigma: Mapping[str, Value] = field(default_factory=dict)
+    """Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each is fitted."""
+
+    def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What examines each name and value by itself, errors of start values as well."""
+        yield from super().checks(binder, setup)
+        yield partial(bind_sigmas, self.set_sigma, binder)
+
+    def known(self, binder: Binder, setup: Setup) -> dict[str, Any]:
+        """Settings, their errors, and the output."""
+        return super().known(binder, setup) | {"setting_sigma": bind_sigmas(self.set_sigma, binder)}
+
+
+@dataclass(frozen=True)
+class ReadRecords:
+    """All tables of one kind; their files are read when they are bound."""
+
+    tables: tuple[RecordTable, ...]
+    labels: tuple[str, ...]
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files of all tables, each once."""
+        return tuple(dict.fromkeys(table.file for table in self.tables))
+
+    def bind(self, binder: Binder, setup: Setup) -> Together[Any]:
+        """All records, in the names and units of the FMU, as one measurement."""
+        pairs = zip(self.tables, self.labels, strict=True)
+        bound = gathered(partial(table.bound, binder, setup, label) for table, label in pairs)
+        kind: Any = self.tables[0].TOGETHER
+        return kind(setup=setup, **{kind.FIELD: tuple(bound)})  # type: ignore[no-any-return]
+
+
+def labels_of(tables: Sequence[RecordTable]) -> tuple[str, ...]:
+    """The label of every table: as written, else its number, from 1; none where it is alone.
+
+    Args:
+        tables: one or more, in the order of the file.
+
+    Raises:
+        BadInput: two of one label.
+    """
+    alone = len(tables) == 1
+    labels = [x.label or ("" if alone else str(k)) for k, x in enumerate(tables, start=1)]
+    for k, label in enumerate(labels):
+        if label in labels[:k]:
+            raise BadInput(
+                f"{tables[k].file}: is the second {tables[k].TOGETHER.NOUN} of the label "
+                f"'{label}'; wanted a label of its own for every [[{tables[k].TABLE}]]"
+            )
+    return tuple(labels)

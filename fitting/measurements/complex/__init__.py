@@ -1,1 +1,0 @@
-"""Complex values: tones and sweeps with phases, behind a wiring."""

@@ -1,1 +1,0 @@
-"""Spectra and sweeps over a control quantity: a voltage, a capacitance, a pump's depth."""

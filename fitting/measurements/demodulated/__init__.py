@@ -1,1 +1,0 @@
-"""Demodulated traces: phasors or amplitudes at a frequency, over time."""

@@ -1,0 +1,630 @@
+"""Noise spectrum: the power spectral density of an output under a random force.
+
+    S = a N + b        r = sign(S - P) sqrt(2 M (P/S - 1 - ln(P/S)))        P measured
+
+N is |H|^2 for a white force, |H|^2 F for one of known density F, and -4 Im H/(2 pi u m) for a
+thermal one; H is the FMU's response to single tones. The squares of the rows add up to the deviance
+of the Whittle likelihood: their least sum is its maximum. Level a and floor b are solved inside
+(`best_levels`):
+
+    a, b >= 0, least of  L(a, b) = sum_i M (ln S_i + P_i/S_i)
+
+the negative logarithm of the likelihood of densities P_i that are averages over M periodograms:
+P_i/S_i follows a Gamma distribution of shape M and mean 1. Source: P. Whittle, Ark. Mat. 2 (1953)
+423; averages as in D. Percival and A. Walden, Spectral Analysis (1993), section 4.7.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+from scipy.constants import Boltzmann
+from scipy.linalg import block_diag
+from scipy.special import digamma, gammaincinv, polygamma
+
+from fitting.campaign import Setup
+from fitting.measurements.driven_model import DrivenModel
+from fitting.measurements.figure import Axis, Figure, Form, Layer, Role, compared, residual_points
+from fitting.measurements.gain import Solved
+from fitting.measurements.measurement import Estimated, Predicting, Prediction, Values
+from fitting.measurements.records import Curve, CurvesTogether, OfSetup, Record
+from fitting.measurements.residuals import ResidualCurve, mistakes
+from fitting.simulate.batch import Batch
+from fitting.text.arguments import checked
+from fitting.text.arrays import ComplexArray, FloatArray, as_numbers, require_size
+from fitting.text.errors import BadInput, NoScale
+from fitting.text.finding import Kind
+from fitting.text.notation import number
+
+WHITE, THERMAL, COLOURED = FORCES = ("white", "thermal", "coloured")
+TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
+WINDOWS = ("none", *TAPERS)
+#: Points of a spectrum, at least.
+LEAST_POINTS = 8
+#: Averages from which on the residuals are asked whether neighbours are correlated: of fewer, rows
+#: of a right model have a mean.
+SEEN = 10.0
+#: Length of a window by which its power spectrum is taken, and how many points that reaches.
+LENGTH, REACH = 1024, 3
+#: Every second point is used beside a window: neighbours are nearly one under it (of a Hann window
+#: two points are worth 1.03), those two apart nearly independent (1/36).
+EVERY = 2
+#: How far a spacing of frequencies may be from the usual one where a window is told, relative.
+EVEN = 1e-3
+#: ln P/S of the table that leads from rows back to spectra: its ends, and points.
+REACHED, TABULATED = 30.0, 60_001
+#: Quantiles of the mean of a power over which the mean row is taken.
+QUANTILES = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseRecord(Record, Curve):
+    """A power spectral density of one output of the FMU under a random force.
+
+    `fitting.NoiseSpectrum` explains its fields.
+
+    Raises:
+        BadInput: shapes that differ, frequencies that do not rise, densities that are not above
+            zero, fewer averages than one, a negative temperature, mass or spring constant.
+    """
+
+    frequency_hz: npt.ArrayLike
+    density: npt.ArrayLike
+    _: KW_ONLY
+    averages: float | None = None
+    force: str = WHITE
+    force_density: npt.ArrayLike | None = None
+    temperature_k: float = 0.0
+    mass_kg: float = 0.0
+    spring_constant: float = 0.0
+    drives_force: bool = True
+    floor: bool = True
+    window: str = "none"
+    source: str = "noise spectrum"
+    u_hz: FloatArray = field(init=False)
+    pushed: FloatArray = field(init=False)
+    seen_hz: FloatArray = field(init=False)
+    y: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        u, y = (as_numbers(v, str(self.source)) for v in (self.frequency_hz, self.density))
+        if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS + 1:
+            raise BadInput(
+                f"{self.source}: {u.shape} frequencies and {y.shape} densities; wanted as many of "
+                f"both, more than {LEAST_POINTS}"
+            )
+        if not (np.isfinite(u).all() and np.isfinite(y).all()):
+            raise BadInput(f"{self.source}: wanted finite numbers")
+        require_size(u, f"{self.source}: frequencies")
+        require_size(y, f"{self.source}: densities")
+        for k in np.flatnonzero(np.diff(u) <= 0.0)[:1]:
+            raise BadInput(
+                f"{self.source}: point {k + 2}: frequency {u[k + 1]:.9g} Hz after {u[k]:.9g} Hz; "
+                "wanted frequencies that rise"
+            )
+        if u[0] < 0.0:
+            raise BadInput(f"{self.source}: frequency {u[0]:g} Hz; wanted none below zero")
+        first = int(u[0] == 0.0)  # the mean is no noise
+        u, y = u[first:], y[first:]
+        for k in np.flatnonzero(y <= 0.0)[:1]:
+            raise BadInput(
+                f"{self.source}: density {y[k]:g} at {u[k]:.9g} Hz; wanted densities above zero, "
+                "as they are, not in dB"
+            )
+        object.__setattr__(self, "u_hz", u)
+        object.__setattr__(self, "pushed", self._pushed(first))
+        every = 1 if self.window == "none" else EVERY
+        object.__setattr__(self, "seen_hz", u[::every])
+        object.__setattr__(self, "y", y[::every])
+        self._check_numbers()
+
+    def _pushed(self, first: int) -> FloatArray:
+        """Density of the force (n,), its mean one, without what lies below the first point."""
+        if (self.force == COLOURED) != (self.force_density is not None):
+            raise BadInput(
+                f'{self.source}: the density of a force goes with force = "{COLOURED}"; wanted '
+                "both, or neither"
+            )
+        if self.force_density is None:
+            return np.ones(self.u_hz.size)
+        density = as_numbers(self.force_density, f"{self.source}: force_density")
+        if density.shape != np.shape(self.density):
+            raise BadInput(
+                f"{self.source}: {density.shape} densities of the force and "
+                f"{np.shape(self.density)} of the answer; wanted as many"
+            )
+        density = density[first:]
+        for k in np.flatnonzero(~((density > 0.0) & np.isfinite(density)))[:1]:
+            raise BadInput(
+                f"{self.source}: density {density[k]:g} of the force at {self.u_hz[k]:.9g} Hz; "
+                "wanted densities above zero, as they are, not in dB"
+            )
+        return np.asarray(density / np.mean(density))
+
+    def _check_numbers(self) -> None:
+        if self.averages is not None and not 1.0 <= self.averages < np.inf:
+            raise BadInput(f"{self.source}: averages: found {self.averages:g}, wanted 1 or more")
+        for name, known in (("force", FORCES), ("window", WINDOWS)):
+            if getattr(self, name) not in known:
+                raise BadInput(
+                    f"{self.source}: {name} is {getattr(self, name)!r}, wanted {', '.join(known)}"
+                )
+        for name in ("temperature_k", "mass_kg", "spring_constant"):
+            value = getattr(self, name)
+            if not 0.0 <= value < np.inf:
+                raise BadInput(f"{self.source}: {name}: found {value:g}, wanted more than zero")
+            if value and self.force != THERMAL:
+                raise BadInput(f'{self.source}: {name} has a meaning with force = "thermal" only')
+        steps = np.diff(self.u_hz)
+        if self.window != "none" and np.ptp(steps) > EVEN * float(np.median(steps)):
+            raise BadInput(
+                f"{self.source}: frequencies are {np.min(steps):.4g} to {np.max(steps):.4g} Hz "
+                "apart; wanted even ones together with a window"
+            )
+        if self.mass_kg and self.spring_constant:
+            raise BadInput(f"{self.source}: mass and spring constant; wanted one of them")
+
+    @cached_property
+    def count(self) -> float:
+        """Number of averages, as declared or seen."""
+        return averages_seen(self.y) if self.averages is None else float(self.averages)
+
+    @cached_property
+    def sigma(self) -> float:
+        """Standard deviation of a row: of the signed root of its deviance; 0: residuals tell it.
+
+        The mean of the deviance is 2 M (ln M - psi(M)), near 1 + 1/(6 M).
+        """
+        if self.averages is None:
+            return 0.0
+        m = self.count
+        return float(np.sqrt(2.0 * m * (np.log(m) - float(digamma(m)))))
+
+    @property
+    def row_sigma(self) -> float:
+        """Standard deviation of its rows; zero where unknown."""
+        return self.sigma
+
+    @property
+    def top_hz(self) -> float:
+        """Where the density is largest, Hz."""
+        return float(self.seen_hz[int(np.argmax(self.y))])
+
+    @cached_property
+    def mean_row(self) -> float:
+        """Mean of the rows of a right model: few averages scatter more to one side."""
+        chances = (np.arange(QUANTILES) + 0.5) / QUANTILES
+        x = gammaincinv(self.count, chances) / self.count
+        deviance = np.maximum(2.0 * self.count * (x - 1.0 - np.log(x)), 0.0)
+        return float(np.mean(-np.sign(x - 1.0) * np.sqrt(deviance)))
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether its residuals may be asked how neighbours are correlated."""
+        return self.count >= SEEN
+
+    def widened(self, shape: FloatArray) -> FloatArray:
+        """A density (n,) as periodograms under the window show it, at the points that are used.
+
+        That of each point is shared among its neighbours by the window's own power spectrum, as
+        1/6, 2/3, 1/6 for a Hann window.
+
+        Args:
+            shape: without a window, (n,).
+        """
+        if self.window == "none":
+            return shape
+        power = np.abs(np.fft.fft(TAPERS[self.window](LENGTH + 1)[:-1])) ** 2
+        kernel = np.concatenate([power[-REACH:], power[: REACH + 1]])
+        longer = np.pad(shape, REACH, mode="reflect", reflect_type="odd")
+        observed = np.convolve(np.maximum(longer, 0.0), kernel / np.sum(kernel), "valid")
+        return np.asarray(observed[::EVERY])
+
+    @property
+    def is_absolute(self) -> bool:
+        """Whether the level is known: a temperature, of a displacement."""
+        return bool(self.force == THERMAL and self.temperature_k and self.unit == "m")
+
+    @property
+    def known_level(self) -> float | None:
+        """k_B T where it is known, J; None: the level is solved for."""
+        return Boltzmann * self.temperature_k if self.is_absolute else None
+
+    @property
+    def solved_inside(self) -> int:
+        """Level and floor, where they are not known."""
+        return int(not self.is_absolute) + int(self.floor)
+
+    def shape(self, response: ComplexArray) -> FloatArray:
+        """Density N (n,) of a unit level.
+
+            white      |H|^2                        level: that of the force
+            coloured   |H|^2 F                      level: that of the force on average
+            thermal    -4 Im H/(2 pi u m)           level: k_B T (times the square of a read-out)
+
+        F is the density of the force over its mean. The thermal one is the fluctuation-dissipation
+        theorem: the output has to be the coordinate that the drive pushes. Source: H. Callen and
+        T. Welton, Phys. Rev. 83 (1951) 34.
+
+        Args:
+            response: H, (n,), output over drive.
+
+        Raises:
+            NoScale: a response that is zero, or gives energy back.
+        """
+        if self.force != THERMAL:
+            return np.asarray(np.abs(response) ** 2 * self.pushed)
+        w = 2.0 * np.pi * self.u_hz
+        top = int(np.argmax(np.abs(response)))
+        if response[top].imag >= 0.0:
+            raise NoScale(
+                f"{self.source}: the response does not lag its drive at its top, "
+                f'{self.u_hz[top]:.6g} Hz; force = "thermal" wants the output that the drive '
+                "pushes, and a drive without a phase"
+            )
+        share = 1.0 / self.mass_kg if self.mass_kg else 1.0
+        if self.spring_constant:
+            share = float((1.0 / response[top]).real + w[top] ** 2) / self.spring_constant
+        return np.asarray(np.maximum(-4.0 * response.imag / w * share, 0.0))
+
+    def residuals(self, simulated: FloatArray | ComplexArray) -> FloatArray:
+        """Signed roots of the deviances, (n,).
+
+            r = sign(S - P) sqrt(2 M (P/S - 1 - ln(P/S)))
+
+        Args:
+            simulated: S, (n,), as the model has it.
+        """
+        x = self.y / simulated.real
+        apart = x - 1.0
+        near = np.abs(apart) < 1e-4  # by its series: the difference would cancel
+        deviance = np.where(near, 0.5 * apart**2 - apart**3 / 3.0, apart - np.log(x))
+        return np.asarray(-np.sign(apart) * np.sqrt(2.0 * self.count * np.maximum(deviance, 0)))
+
+    def share_left(self, rows: FloatArray) -> float:
+        """NaN: its rows are no shares of an amplitude.
+
+        Args:
+            rows: residuals, (rows,).
+        """
+        return math.nan
+
+    def residual_curve(self, at: slice, rows: FloatArray) -> ResidualCurve:
+        """Its residuals over frequency; a share is one of the largest density.
+
+        Args:
+            at: which rows of the measurement these are.
+            rows: residuals, (rows,).
+        """
+        spectrum, root = self.spectrum_of(rows), np.sqrt(self.count)
+        columns = mistakes(self.seen_hz, spectrum, root / spectrum)
+        columns[Kind.noise_level] = columns.pop(Kind.gain)
+        return ResidualCurve(
+            rows=np.arange(at.start, at.stop),
+            share=spectrum / (root * np.max(spectrum)),  # of a row near S = P
+            axis=self.seen_hz,
+            centre=self.mean_row,
+            name=self.label,
+            columns=columns,
+            first_order=frozenset(columns),  # the root of a deviance bends
+        )
+
+    def spectrum_of(self, rows: FloatArray) -> FloatArray:
+        """S (n,) of which `residuals` makes these rows: P/x, x the root of the deviance.
+
+        Args:
+            rows: signed roots of the deviances, (n,).
+        """
+        logarithm = np.linspace(-REACHED, REACHED, TABULATED)
+        deviance = 2.0 * self.count * (np.expm1(logarithm) - logarithm)
+        table = -np.sign(logarithm) * np.sqrt(np.maximum(deviance, 0.0))
+        return np.asarray(self.y / np.exp(np.interp(-rows, -table, logarithm)))
+
+
+#: Median of |x| over its standard deviation, of a normal x.
+MEDIAN = 0.6744897501960817
+#: Averages that are looked for.
+MOST, KNOTS = 1e7, 2000
+
+
+def averages_seen(density: FloatArray) -> float:
+    """How many periodograms were averaged, 1 or more, from how a density scatters.
+
+    The logarithm of an average of M periodograms has the variance psi'(M); of second differences of
+    neighbours that are independent it is six times as much, whatever the spectrum does slowly. The
+    median of their sizes does not see the few points at a line.
+
+    Args:
+        density: at points that scatter independently, (n,), above zero.
+    """
+    bent = np.diff(np.log(density), 2)
+    variance = (float(np.median(np.abs(bent))) / MEDIAN) ** 2 / 6.0
+    counts = np.geomspace(1.0, MOST, KNOTS)
+    falling = polygamma(1, counts)
+    return float(np.exp(np.interp(-variance, -falling, np.log(counts))))
+
+
+#: Steps at most, and the relative change that ends them.
+STEPS, SETTLED = 60, 1e-13
+#: Halvings of a step that does not lead down.
+HALVINGS = 30
+
+
+def best_levels(
+    shape: FloatArray, density: FloatArray, known: float | None, *, floor: bool = True
+) -> FloatArray:
+    """Levels a and b (2,) of the largest likelihood.
+
+    Args:
+        shape: N, (n,), zero or more.
+        density: P, (n,), above zero.
+        known: a where it is known; None: it is solved for.
+        floor: whether b is solved for; else it is zero.
+    """
+    sizes = np.array([np.max(density) / (np.max(shape) or 1.0), np.max(density)])
+    columns = np.stack([shape * sizes[0], np.full(shape.size, sizes[1])], axis=1)
+    low = float(np.quantile(density, 0.25)) / sizes[1]
+    levels = np.array([1.0 if known is None else known / sizes[0], low if floor else 0.0])
+    free = np.array([known is None, floor])
+    for _ in range(STEPS):
+        step = _step(columns, density, levels, free)
+        moved = _downhill(columns, density, levels, step)
+        done = bool(np.all(np.abs(moved - levels) <= SETTLED * np.max(levels)))
+        levels = moved
+        if done:
+            break
+    return np.asarray(levels * sizes)
+
+
+def _loss(columns: FloatArray, density: FloatArray, levels: FloatArray) -> float:
+    s = columns @ levels
+    if not np.all(s > 0.0):
+        return np.inf
+    return float(np.sum(np.log(s) + density / s))
+
+
+def _step(
+    columns: FloatArray, density: FloatArray, levels: FloatArray, free: npt.NDArray[np.bool_]
+) -> FloatArray:
+    """Newton's step of those that are free and not held at zero, or Fisher's."""
+    s = columns @ levels
+    slope = columns.T @ ((s - density) / s**2)
+    moving = free & ~((levels <= 0.0) & (slope > 0.0))
+    if not np.any(moving):
+        return np.zeros(2)
+    mine = columns[:, moving]
+    for weights in ((2.0 * density - s) / s**3, 1.0 / s**2):
+        curved = (mine * weights[:, None]).T @ mine
+        if np.all(np.linalg.eigvalsh(curved) > 0.0):
+            step = np.zeros(2)
+            step[moving] = -np.linalg.solve(curved, slope[moving])
+            return step
+    return np.asarray(np.where(moving, -np.sign(slope) * 0.1 * np.max(levels), 0.0))
+
+
+def _downhill(
+    columns: FloatArray, density: FloatArray, levels: FloatArray, step: FloatArray
+) -> FloatArray:
+    before = _loss(columns, density, levels)
+    for k in range(HALVINGS):
+        moved = np.maximum(levels + 0.5**k * step, 0.0)
+        if _loss(columns, density, moved) <= before:
+            return np.asarray(moved)
+    return levels
+
+
+#: Share of the points that the band about the model holds.
+INSIDE = 0.95
+#: Points that are drawn of a layer, at most.
+DRAWN = 4000
+
+
+def noise_figure(
+    spectrum: NoiseRecord, before: FloatArray, after: FloatArray, series: str = ""
+) -> Figure:
+    """A spectrum with the model and the band that holds 95 % of the points; signed deviances below.
+
+    Args:
+        spectrum: as measured.
+        before: as simulated with the start parameters, (n,), in the spectrum's unit.
+        after: with the fitted ones.
+        series: name of the series.
+    """
+    every = slice(None, None, -(-spectrum.seen_hz.size // DRAWN))
+    u, x = spectrum.seen_hz[every], Axis("frequency", "Hz")
+    tails = 0.5 * (1.0 - INSIDE)
+    low, high = gammaincinv(spectrum.count, [tails, 1.0 - tails]) / spectrum.count
+    y = Axis("density" if spectrum.unit == "1" else f"density ({spectrum.unit}²/Hz)", log=True)
+    band = "95 % of the points, if the model is right"
+    shown = compared((x, y), u, spectrum.y[every], before[every], after[every])
+    bounds = (
+        Layer(Role.OTHER, Form.CURVE, u, low * after[every], label=band),
+        Layer(Role.OTHER, Form.CURVE, u, high * after[every]),
+    )
+    shown = replace(shown, layers=(*shown.layers, *bounds))
+    rows = spectrum.residuals(after)
+    rest = residual_points((x, Axis("signed root of deviance")), u, [("", rows[every])])
+    share = float(np.mean((spectrum.y >= low * after) & (spectrum.y <= high * after)))
+    stated = f" {spectrum.label}" if spectrum.label else ""
+    inside = f"{number(100.0 * share, 3)} % of the points lie within the band"
+    return Figure(
+        name=f"noise{f'_{spectrum.label}' if spectrum.label else ''}".replace("/", "_"),
+        title=f"Noise spectrum{stated}: measured and simulated",
+        caption=(
+            f"{spectrum.seen_hz.size} points of {_averages(spectrum)} with the "
+            f"model before and after the fit; {inside} that holds "
+            "95 % of them if the model is right. Below: the signed roots of their deviances."
+        ),
+        alt=f"A noise spectrum of {spectrum.seen_hz.size} points with the fitted model; {inside}.",
+        rows=((shown,), (rest,)),
+        series=series,
+    )
+
+
+def _averages(spectrum: NoiseRecord) -> str:
+    if spectrum.averages is None:
+        return f"about {number(spectrum.count, 2)} averages, by their scatter,"
+    return f"{number(spectrum.averages, 4)} averages"
+
+
+#: Deviance of a point beyond which a spectrum is not followed at all, if a constant does as well.
+FAR, AS_WELL = 3.0, 0.5
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class NoiseSpectrum(NoiseRecord, OfSetup):
+    """A power spectral density of one output of the FMU under a random force.
+
+    Args:
+        frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
+        density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
+        averages: Number of independent periodograms that were averaged, 1 or more; None: not
+            known, and the scatter of the points tells it and the errors.
+        force: "white": a force of constant density, whose level is solved for; "thermal": the one
+            that the damping asks for at a temperature; "coloured": one whose density is known but
+            for a factor, which is solved for.
+        force_density: (coloured) density of the force at the frequencies, shape (n,), in any unit,
+            above zero; it is taken as exact.
+        temperature_k: Of the resonator, K; 0: not known, and solved for.
+        mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
+        spring_constant: Instead of the mass, N/m; 0: not told.
+        drives_force: (thermal) Whether the drive is a force, or its mass is told: else no
+            temperature is told.
+        floor: Whether a white floor is solved for.
+        window: Of the periodograms, whose length is one over the spacing of the frequencies: it
+            widens the lines, and every second point is used, as neighbours are correlated by it.
+        settings: Start values of the FMU by variable, in the FMU's units.
+        label: Name of the spectrum, for values of its own; wanted where there are several.
+        output: The FMU's output that is seen; empty: the setup's.
+        unit: Whose square per Hz the density has.
+        source: What complaints name it by.
+        setup: How single tones drive the FMU, and what is observed.
+        series: Measurements of one series share their setup.
+
+    Raises:
+        BadInput: shapes that differ, frequencies that do not rise, densities that are not above
+            zero, fewer averages than one, a negative temperature, mass or spring constant.
+    """
+
+    def within(self, setup: Setup, series: str) -> NoiseSpectra:
+        """The measurement, as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+        return NoiseSpectra(setup=setup, spectra=(self,)).within(setup, series)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSpectra(CurvesTogether[NoiseRecord]):
+    """One or several noise spectra that are fitted together, a row for each point.
+
+    Raises:
+        BadInput: no spectrum, two of one name, or a drive without a level.
+    """
+
+    FIELD = "spectra"
+    NOUN = "noise spectrum"
+
+    spectra: tuple[NoiseRecord, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.setup.drive.amplitude > 0.0:
+            raise BadInput(
+                "noise spectrum: the drive's level is zero; wanted one, for the response to tones"
+            )
+
+    @property
+    def datum_noise(self) -> float:
+        """Relative standard deviation of the amplitude in a bin, half of that of its density."""
+        return float(0.5 / np.sqrt(max(each.count for each in self.spectra)))
+
+    @property
+    def is_curve(self) -> bool:
+        """Its residuals tell how neighbours are correlated, where enough was averaged."""
+        return all(each.is_curve for each in self.spectra)
+
+    def predict(
+        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
+    ) -> Predicting:
+        """Spectra with the levels and floors that suit the data best."""
+        result = yield from self.responses(model, table, batch)
+        size = model.setup.drive.amplitude
+        return [
+            self.solved([responses[k] / size for responses in result]) for k in range(len(table))
+        ]
+
+    def solved(self, responses: Sequence[ComplexArray]) -> Prediction:
+        """Spectra that responses make, with the best levels and floors.
+
+        Args:
+            responses: H of every spectrum, (n,), output over drive.
+        """
+        pairs = zip(self.spectra, responses, strict=True)
+        shapes = tuple(x.widened(x.shape(h)) for x, h in pairs)
+        levels = tuple(
+            best_levels(shape, each.y, each.known_level, floor=each.floor)
+            for each, shape in zip(self.spectra, shapes, strict=True)
+        )
+        values, solved = [], []
+        for shape, (a, b) in zip(shapes, levels, strict=True):
+            values.append(a * shape + b)
+            solved.append(Solved(np.stack([shape, np.ones_like(shape)], axis=1), np.array([a, b])))
+        return Prediction(np.concatenate(values), solved=tuple(solved))
+
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """Derivatives of the rows by levels and floors."""
+        blocks = []
+        for each, solved in zip(self.spectra, prediction.solved, strict=True):
+            shape, (a, b) = solved.design[:, 0], solved.coefficients
+            slope = np.sqrt(each.count) / (a * shape + b)  # of a row near S = P
+            columns = [] if each.is_absolute else [shape * slope]
+            columns += [slope] if each.floor else []
+            blocks.append(np.stack(columns, axis=1) if columns else np.empty((shape.size, 0)))
+        return np.asarray(block_diag(*blocks))
+
+    def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
+        """Temperature, or the read-out in volts per metre, of every thermal spectrum."""
+        columns, begin = self.solved_columns(prediction) / sigma[:, None], 0
+        result: dict[str, Estimated] = {}
+        # levels and floors have units of their own: of one size, so that none counts for nothing
+        sizes = np.linalg.norm(columns, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        inverse = np.linalg.pinv((columns / sizes).T @ (columns / sizes)) / np.outer(sizes, sizes)
+        for each, solved in zip(self.spectra, prediction.solved, strict=True):
+            a = float(solved.coefficients[0])
+            at, begin = begin, begin + each.solved_inside
+            if each.force != THERMAL or each.is_absolute or not a > 0.0:
+                continue
+            tag, std = f"[{each.label}]" if each.label else "", float(np.sqrt(inverse[at, at]))
+            if each.temperature_k:
+                value = float(np.sqrt(a / (Boltzmann * each.temperature_k)))
+                result[f"read-out in {each.unit}/m{tag}"] = Estimated(value, 0.5 * value * std / a)
+            elif each.unit == "m" and each.drives_force:
+                result[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
+        return result
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """Spectra that a constant describes half as well, and that are far off."""
+        flat = np.concatenate([x.residuals(np.full(x.y.size, np.mean(x.y))) for x in self.spectra])
+        left = float(residuals @ residuals)
+        if left > AS_WELL * float(flat @ flat) and left > FAR * residuals.size:
+            return "the simulated spectrum does not follow the measured one"
+        return ""
+
+    def figure_of(
+        self,
+        record: NoiseRecord,
+        before: Values,
+        after: Values,
+    ) -> Figure:
+        """A spectrum with the model, the band of its likelihood, and the signed deviances."""
+        return noise_figure(record, before.real, after.real, self.series)

@@ -1,1 +1,0 @@
-"""Noise spectra: power spectral densities of an FMU's output under a random force."""

@@ -1,1 +1,0 @@
-"""Traces: time series of an FMU's output, with the input that was recorded or declared, or none."""
