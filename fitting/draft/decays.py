@@ -30,7 +30,7 @@ from fitting.draft.model import COUPLING, FIRST_OUTPUT, OWN, UNCOUPLED, Offer, i
 from fitting.draft.questions import Answers, Question
 from fitting.draft.traces import OUTPUT, Recording, TraceFile, described, in_unit_of, trace_columns
 from fitting.extension.fmu import Run
-from fitting.extension.records import Channel, Pulse, TraceRecord
+from fitting.extension.records import Pulse, TraceRecord
 from fitting.lines.decay_begin import decay_start as first_of_decay
 from fitting.lines.ringdown import Ringdown
 from fitting.lines.ringdown import ringdown_of as lines_of
@@ -42,7 +42,7 @@ from fitting.resonance.decay_reading import (
     is_over_time,
     read_decay_of,
 )
-from fitting.resonance.reading import Columns, ValueRoles
+from fitting.resonance.reading import Columns, Roles
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import how_many
@@ -223,15 +223,15 @@ def demodulated_of(paths: Sequence[Path], columns: Columns) -> tuple[Demodulated
         try:
             if not is_over_time(path, columns):
                 return ()
-            time, roles = decay_roles_of(path, columns)
+            roles = decay_roles_of(path, columns)
             record = None if roles.is_complex else read_decay_of(path, columns)
         except BadInput:
             return ()  # its reader complains
         record = record or read_decay_of(path, columns)
-        if record.kind not in (PHASORS, AMPLITUDES) or _is_other(record, roles, time):
+        if record.kind not in (PHASORS, AMPLITUDES) or _is_other(record, roles):
             return ()
         named = {
-            "time": time,
+            "time": roles.axis,
             "X": roles.real,
             "Y": roles.imaginary,
             "amplitude": roles.sizes,
@@ -242,14 +242,13 @@ def demodulated_of(paths: Sequence[Path], columns: Columns) -> tuple[Demodulated
     return tuple(ringdowns)
 
 
-def _is_other(record: DecayRecord, roles: ValueRoles, time: Channel) -> bool:
+def _is_other(record: DecayRecord, roles: Roles) -> bool:
     """Whether a file holds what no demodulator shows: swings, or a further column that moves."""
     if record.kind == AMPLITUDES and np.any(record.values.real < 0.0):
         return True
     if roles.sizes is not None and roles.sizes.is_complex:  # a campaign reads X and Y
         return True
-    taken = (time, *roles.values)
-    others = [c for c in roles.recording.channels if c not in taken]
+    others = [c for c in roles.recording.channels if c not in roles.all]
     return any(c.is_complex or np.ptp(roles.recording.numbers(c)) > 0.0 for c in others)
 
 

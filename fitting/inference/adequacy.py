@@ -56,10 +56,10 @@ from fitting.fit.optimum import Optimum
 from fitting.inference.likelihood.knowledge import Adequacy, Ending, Rival
 from fitting.inference.likelihood.profile import data_covariance
 from fitting.inference.sweeps import MOST_SAMPLES, TRIED, DecayingLines, LineFits
-from fitting.lines.choice import FAR_MORE, chance, gain_p
+from fitting.lines.choice import BY_CHANCE, FAR_MORE, chance, gain_p
 from fitting.lines.form import LineFit
 from fitting.lines.names import ADDED, OFFSET, SLOPE, TAIL, UNKNOWNS
-from fitting.lines.several import BY_CHANCE, NOISE_P, fit_lines, not_by_chance, shows_all
+from fitting.lines.several import NOISE_P, fit_lines, not_by_chance, shows_all
 from fitting.lines.sweep import single_line_fits
 from fitting.measurements.complex_curve import BACKGROUNDS
 from fitting.measurements.complex_sweep import ComplexSweep

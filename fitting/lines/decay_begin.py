@@ -34,7 +34,7 @@ from fitting.lines.trace import AMPLITUDES, PHASORS
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
 from fitting.text.arrays import ComplexArray, FloatArray
 
-#: Stretches whose loudness tells roughly where the decay is, and the share of the loudest that
+#: Stretches whose loudness shows roughly where the decay is, and the share of the loudest that
 #: counts.
 STRETCHES, LOUD = 64, 0.5
 #: Samples of a decay, at least, for each of its states.
@@ -158,8 +158,8 @@ def _tails(basis: FloatArray, y: FloatArray, last: int) -> FloatArray:
     powers = np.concatenate([[power], power + np.cumsum(y[:last][::-1] ** 2)])[::-1]
     # a mode that nothing is left of, or two of one kind, would leave them singular
     grams = grams + SINGULAR * np.trace(gram) * np.eye(gram.shape[0])
-    found = np.linalg.solve(grams, pushes[:, :, None])[:, :, 0]
-    return np.asarray(np.maximum(powers - np.sum(found * pushes, axis=1), 0.0))
+    solved = np.linalg.solve(grams, pushes[:, :, None])[:, :, 0]
+    return np.asarray(np.maximum(powers - np.sum(solved * pushes, axis=1), 0.0))
 
 
 def _heads(y: FloatArray, known: int, last: int) -> FloatArray:
@@ -173,9 +173,9 @@ def _heads(y: FloatArray, known: int, last: int) -> FloatArray:
     f = float(np.argmax(spectrum)) / size
     for _ in range(TONE_STEPS):
         design = _tone(f, t)
-        a, b, _ = found = lstsq(design[:known], y[:known])[0]
+        a, b, _ = solved = lstsq(design[:known], y[:known])[0]
         slope = 2.0 * np.pi * t * (b * design[:, 0] - a * design[:, 1])
-        rest = y[:known] - design[:known] @ found
+        rest = y[:known] - design[:known] @ solved
         steps = lstsq(np.column_stack([design, slope])[:known], rest)[0]
         f += float(steps[3])
     design = _tone(f, t)
@@ -202,11 +202,11 @@ def begin_of(values: FloatArray | ComplexArray, kind: str, lines: int = 1) -> in
     if kind in (PHASORS, AMPLITUDES):
         # a decay that swings, for what looks for one; a constant is then a line of its own
         y, states = y * np.exp(0.5j * np.pi * (np.arange(y.size) % 4 + 0.5)), states + 2
-    found = (decay_start(np.asarray(y.real), states) or 0) * every
-    return max(found, held_samples(values.real)) if kind == AMPLITUDES else found
+    first = (decay_start(np.asarray(y.real), states) or 0) * every
+    return max(first, driven_samples(values.real)) if kind == AMPLITUDES else first
 
 
-def held_samples(amplitudes: FloatArray) -> int:
+def driven_samples(amplitudes: FloatArray) -> int:
     """How many amplitudes are held before they fall; 0 where that is not seen.
 
     Args:

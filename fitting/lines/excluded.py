@@ -4,12 +4,12 @@ A line that is a third of the distance of the points wide, or wider, is seen in 
 its top, too. A point is none of a line where it stands off the straight line through its six
 neighbours by `OFF` times as much as each of these does, by as many times the noise, and by
 `LEAST` of what they make likely, which noise that grows with the amplitude is not: an overload, a
-lost reading, or a line so narrow that these points cannot tell of it. A flat top is made by an
+lost reading, or a line so narrow that these points cannot resolve it. A flat top is made by an
 instrument at its limit.
 
 Points outside of a range that was chosen show lines whose tails may be in it: a top that is above
 the lowest point between it and the end of the range by `OUTSTANDING` times the noise, which second
-differences tell, and by a share of the largest point.
+differences show, and by a share of the largest point.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from fitting.text.arrays import BoolArray, ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 
-#: Neighbours on each side that tell where a point ought to be.
+#: Neighbours on each side that show where a point ought to be.
 REACH = 3
 #: Times their own distances, and the noise, that a point stands off.
 OFF = 10.0
@@ -111,7 +111,7 @@ def spikes_in(trace: Trace) -> tuple[Spike, ...]:
 
 
 def without_spikes(trace: Trace, spikes: Sequence[Spike]) -> Trace:
-    """The trace without some of its points, which it tells of.
+    """The trace without some of its points, which its notes list.
 
     Args:
         trace: what was measured.

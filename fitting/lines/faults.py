@@ -62,7 +62,7 @@ class SweepFault:
     that fits best: another may fit as well with another size and width) or above the clipped
     points, the distance of an outlier over the top of the line, or that of a background.
     `width_hz` is the full width without and with the fault taken into account. `p_value` is the
-    probability that noise alone gains as much. `two_lines` says whether two lines that overlap
+    probability that noise alone gains as much. `two_lines`: whether two lines that overlap
     leave noise, too.
     """
 

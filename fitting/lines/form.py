@@ -34,7 +34,6 @@ from fitting.lines.record import (
     SecondLine,
     Slopes,
     TriedForm,
-    line_numbers,
     number_of_line,
 )
 from fitting.lines.rice import fit_readings
@@ -285,10 +284,10 @@ class _Fitted:
             numbers.number("amplitude", top * abs(h), by)
             for h, by in zip(heights, along, strict=True)
         ]
-        lines = [
-            self._place(numbers, start, place, k)
-            for k, (start, place) in enumerate(zip(shapes.starts, places, strict=True))
-        ]
+        lines = []
+        for k, (start, (eta, width)) in enumerate(zip(shapes.starts, places, strict=True)):
+            unit = np.eye(2, fit.unknowns, 2 * k)
+            lines.append(numbers.line(eta, width, [start.width_hz * unit[0], width * unit[1]]))
         others = []
         for line, h, amplitude in list(zip(lines, heights, amplitudes, strict=True))[1:]:
             share, phase = cmath.polar(h / heights[0])
@@ -416,7 +415,7 @@ class _Fitted:
         return rotated
 
     def _check(self, fit: Fit, places: Sequence[Place]) -> None:
-        """Complain of a fit that is no line of these points."""
+        """Refuse a fit that is no line of these points."""
         f, place, source = self.f, places[0], self.source
         inside = f[0] <= place.frequency_hz <= f[-1]
         if not (fit.converged and inside and place.width_hz < WIDEST * float(np.ptp(f))):
@@ -437,19 +436,6 @@ class _Fitted:
             )
         if not np.iscomplexobj(self.y) and fit.coefficients[0] < 0.0:
             raise BadInput(f"{source}: {self.form.name}: its line would have a negative height")
-
-    @staticmethod
-    def _place(numbers: Numbers, start: Place, place: Place, number: int) -> dict[str, Any]:
-        """Frequency, width and quality of a line."""
-        scale, width, eta = start.width_hz, place.width_hz, place.frequency_hz
-        unit = np.eye(2, numbers.fit.unknowns, 2 * number)
-        q = eta / width
-        return line_numbers(
-            (eta, numbers.std(scale * unit[0])),
-            (width, numbers.std(width * unit[1])),
-            (q, numbers.std(q * (scale / eta * unit[0] - unit[1]))),
-            numbers.dof,
-        )
 
     def _with_dip(self, line: LineFit, numbers: Numbers, model: ComplexSweep) -> LineFit:
         """The line with its delay, and with height and background without those of other lines."""

@@ -46,7 +46,6 @@ from fitting.lines.record import (
     Numbers,
     SecondLine,
     common_fields,
-    line_numbers,
     number_of_line,
 )
 from fitting.lines.solve import Columns, Fit, fit_densities
@@ -403,15 +402,7 @@ def _result(model: NoiseSpectrum, fit: Fit, y: FloatArray, top: float) -> NoiseF
     for j in order:
         place, slopes = places[j][0], np.zeros((2, fit.unknowns))
         slopes[:, : model.count] = places[j][1]
-        q = place.frequency_hz / place.width_hz
-        of_q = q * (slopes[0] / place.frequency_hz - slopes[1] / place.width_hz)
-        line = line_numbers(
-            (place.frequency_hz, numbers.std(slopes[0])),
-            (place.width_hz, numbers.std(slopes[1])),
-            (q, numbers.std(of_q)),
-            numbers.dof,
-            q_by_width=True,
-        )
+        line = numbers.line(*place, [*slopes], q_by_width=True)
         made.append(SecondLine(**line, share=abs(heights[j] / heights[first])))
         power, along = math.nan, []
         if model.kind == OWN:
@@ -484,7 +475,7 @@ def noise_line_of(record: NoiseRecord) -> NoiseLine:
         record: what was measured.
 
     Raises:
-        BadInput: no line, or one that is not told from the floor.
+        BadInput: no line, or one that does not exceed the floor.
     """
     try:
         fit = noise_lines(record.frequency_hz, np.asarray(record.values, dtype=float))

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
-from fitting.lines.solve import Columns, Fit, fit_model
+from fitting.lines.solve import Columns, Model, fit_model
 from fitting.lines.sweep_model import AmplitudeSweep, ComplexSweep, Place, Shapes, along
 from fitting.text.arrays import ComplexArray, FloatArray
 
-#: Share of the span by which a flank's line begins beyond an end, and its width.
+#: Share of the span by which a flank's line starts beyond an end, and its width.
 BEYOND = 0.1
 
 
@@ -52,10 +52,13 @@ class _Pole:
 
     f: FloatArray
     corner_hz: float
-    delay: ComplexSweep | None
+    delay: ComplexSweep | None = None
+
+    def corner(self, x: FloatArray) -> float:
+        return self.corner_hz * math.exp(float(np.clip(x[0], -40.0, 40.0)))
 
     def columns(self, x: FloatArray) -> Columns:
-        ratio = 1j * self.f / (self.corner_hz * math.exp(float(np.clip(x[0], -40.0, 40.0))))
+        ratio = 1j * self.f / self.corner(x)
         pole = 1.0 / (1.0 + ratio)
         slope = ratio * pole**2  # by the logarithm of the corner
         ones = np.ones_like(pole)
@@ -68,15 +71,13 @@ class _Pole:
 
 
 @dataclass(frozen=True, eq=False)
-class _PoleSize:
+class _PoleSize(_Pole):
     """The modulus of a low-pass or of a high-pass; x: logarithm of the corner over the start."""
 
-    f: FloatArray
-    corner_hz: float
-    high: bool
+    high: bool = False
 
     def columns(self, x: FloatArray) -> Columns:
-        ratio = self.f / (self.corner_hz * math.exp(float(np.clip(x[0], -40.0, 40.0))))
+        ratio = self.f / self.corner(x)
         low = 1.0 / np.sqrt(1.0 + ratio**2)
         size = ratio * low if self.high else low
         slope = -size * low**2 if self.high else size * (ratio * low) ** 2
@@ -95,70 +96,48 @@ def null_models(
     Args:
         frequency_hz: rising, shape (n,), Hz.
         values: amplitudes or complex values, shape (n,).
-        delays_s: where the delay of a cable may begin, s.
+        delays_s: where the delay of a cable may start, s.
         elsewhere: where lines beyond the ends are observed.
         weights: relative ones of the values, (n,).
     """
-    y = values / float(np.max(np.abs(values)))
-    if np.iscomplexobj(y):
-        return list(_complex(frequency_hz, np.asarray(y, dtype=complex), delays_s, weights))
-    return list(_amplitudes(frequency_hz, np.asarray(y, dtype=float), elsewhere, weights))
+    f, y = frequency_hz, values / float(np.max(np.abs(values)))
+    corner, nulls = math.sqrt(float(f[0]) * float(f[-1])), []
 
-
-def _complex(
-    f: FloatArray, y: ComplexArray, delays_s: Sequence[float], weights: FloatArray | None
-) -> Iterator[Null]:
-    nothing = Shapes(frequency_hz=f, starts=[])
-    straight = fit_model(
-        ComplexSweep(shapes=nothing, background=2), y, [np.zeros(0)], weights=weights
-    )
-    yield Null(NullKind.STRAIGHT, straight.squares, straight.unknowns)
-    delays = list(dict.fromkeys([0.0, *delays_s]))
-    with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-        model = ComplexSweep(shapes=nothing, background=1, delay_s=0.0)
-        starts = [np.array([delay * float(np.ptp(f))]) for delay in delays]
-        fit = fit_model(model, y, starts, weights=weights)
-        yield Null(NullKind.DELAY, fit.squares, fit.unknowns)
-    corners = np.linspace(-2.0, 2.0, 9)
-    corner = math.sqrt(float(f[0]) * float(f[-1]))
-    for delay in (None, ComplexSweep(shapes=nothing, background=1, delay_s=0.0)):
+    def attempt(kind: NullKind, model: Model, starts: Sequence[FloatArray]) -> None:
         with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-            starts = [
-                np.array([c] if delay is None else [c, at * float(np.ptp(f))])
-                for c in corners
-                for at in ([0.0] if delay is None else delays)
-            ]
-            pole = _Pole(f, corner, delay)
-            fit = fit_model(pole, y, starts, weights=weights)
-            place = Place(corner * math.exp(float(np.clip(fit.x[0], -40.0, 40.0))), math.nan)
-            yield Null(NullKind.POLE, fit.squares, fit.unknowns, place)
+            fit = fit_model(model, y, starts, weights=weights)
+            place = None
+            if isinstance(model, _Pole):
+                place = Place(model.corner(fit.x), math.nan)
+            elif isinstance(model, AmplitudeSweep):
+                place = model.shapes.places(fit.x)[0]
+                if f[0] < place.frequency_hz < f[-1] or not fit.coefficients[0] > 0.0:
+                    return
+            nulls.append(Null(kind, fit.squares, fit.unknowns, place))
 
+    if np.iscomplexobj(y):
+        nothing, span = Shapes(frequency_hz=f, starts=[]), float(np.ptp(f))
+        attempt(NullKind.STRAIGHT, ComplexSweep(shapes=nothing, background=2), [np.zeros(0)])
+        delays = list(dict.fromkeys([0.0, *delays_s]))
+        cable = ComplexSweep(shapes=nothing, background=1, delay_s=0.0)
+        attempt(NullKind.DELAY, cable, [np.array([delay * span]) for delay in delays])
+        corners = np.linspace(-2.0, 2.0, 9)
+        attempt(NullKind.POLE, _Pole(f, corner), [np.array([c]) for c in corners])
+        starts = [np.array([c, delay * span]) for c in corners for delay in delays]
+        attempt(NullKind.POLE, _Pole(f, corner, cable), starts)
+        return nulls
 
-def _amplitudes(
-    f: FloatArray, y: FloatArray, elsewhere: Sequence[Place], weights: FloatArray | None
-) -> Iterator[Null]:
     w = np.ones_like(f) if weights is None else weights
     design = np.stack([w, w * along(f)], axis=1)
     left = w * y - design @ np.linalg.lstsq(design, w * y, rcond=None)[0]
-    yield Null(NullKind.STRAIGHT, float(left @ left), 2)
-    corner = math.sqrt(float(f[0]) * float(f[-1]))
+    nulls.append(Null(NullKind.STRAIGHT, float(left @ left), 2))
     for high in (False, True):
-        with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-            starts = [np.array([c]) for c in np.linspace(-2.0, 2.0, 5)]
-            fit = fit_model(_PoleSize(f, corner, high), y, starts, weights=weights)
-            place = Place(corner * math.exp(float(np.clip(fit.x[0], -40.0, 40.0))), math.nan)
-            yield Null(NullKind.POLE, fit.squares, fit.unknowns, place)
-    for place in elsewhere or beyond_ends(f):
-        with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-            model = AmplitudeSweep(shapes=Shapes(frequency_hz=f, starts=[place]))
-            fit = fit_model(model, y, [np.zeros(2)], weights=weights)
-            end = model.shapes.places(fit.x)[0]
-            if not f[0] < end.frequency_hz < f[-1] and _is_height(fit):
-                yield Null(NullKind.FLANK, fit.squares, fit.unknowns, end)
-
-
-def _is_height(fit: Fit) -> bool:
-    return bool(fit.coefficients[0] > 0.0)
+        starts = [np.array([c]) for c in np.linspace(-2.0, 2.0, 5)]
+        attempt(NullKind.POLE, _PoleSize(f, corner, high=high), starts)
+    for end in elsewhere or beyond_ends(f):
+        line = AmplitudeSweep(shapes=Shapes(frequency_hz=f, starts=[end]))
+        attempt(NullKind.FLANK, line, [np.zeros(2)])
+    return nulls
 
 
 def beyond_ends(frequency_hz: FloatArray) -> list[Place]:

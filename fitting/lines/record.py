@@ -77,7 +77,7 @@ def number_of_line(
     half: float = math.nan,
     ci95: Interval | None = None,
 ) -> LineNumber:
-    """A number of a line; its status says that no profile was made, or that it is not known.
+    """A number of a line; its status is that no profile was made, or that it is not known.
 
     Args:
         name: of the number, "frequency".
@@ -525,6 +525,25 @@ class Numbers:
             unit = each / stds[:, None]
             made = np.clip(unit @ self.covariance @ unit.T, -1.0, 1.0)
         return tuple(tuple(float(v) for v in row) for row in made)
+
+    def line(
+        self,
+        frequency_hz: float,
+        width_hz: float,
+        slopes: Sequence[FloatArray],
+        *,
+        q_by_width: bool = False,
+    ) -> dict[str, Any]:
+        """The fields of `LineValues` of a line, by the gradients of its frequency and its FWHM."""
+        q = frequency_hz / width_hz
+        of_q = q * (slopes[0] / frequency_hz - slopes[1] / width_hz)
+        return line_numbers(
+            (frequency_hz, self.std(slopes[0])),
+            (width_hz, self.std(slopes[1])),
+            (q, self.std(of_q)),
+            self.dof,
+            q_by_width=q_by_width,
+        )
 
     def number(self, name: str, value: float, slopes: Slopes, unit: str = "") -> LineNumber:
         """A number with its error; slopes by single unknowns."""

@@ -53,12 +53,12 @@ def fit_readings(
     noise = math.sqrt(fit.squares / fit.dof)
     if not noise > SMALLEST_RESIDUAL:
         raise ValueError("its points have no noise by which to detect single readings")
-    begun = [np.array([*fit.x, *fit.coefficients, math.log(noise)])]
+    likely = [np.array([*fit.x, *fit.coefficients, math.log(noise)])]
     # where the line drowns the squares, to which noise adds a constant, are the closer begin
     powers = fit_model(_Power(model), values**2, [*starts, fit.x])
     line, floor = np.sqrt(np.maximum(powers.coefficients, SMALLEST_RESIDUAL**2))
-    begun.append(np.array([*powers.x, line, math.log(floor / math.sqrt(2.0))]))
-    unknowns = max(begun, key=lambda there: _value(model, values, there))
+    likely.append(np.array([*powers.x, line, math.log(floor / math.sqrt(2.0))]))
+    unknowns = max(likely, key=lambda there: _value(model, values, there))
     unknowns, information, converged = _likeliest(model, values, unknowns)
     nu, slopes = _line(model, unknowns)
     sigma = math.exp(float(unknowns[-1]))
@@ -164,12 +164,12 @@ def _likeliest(
         )
         for part in 0.5 ** np.arange(HALVINGS):
             there = unknowns + part * step / scale
-            found = _value(model, values, there)
-            if found >= best:
+            value = _value(model, values, there)
+            if value >= best:
                 break
         else:
             return unknowns, information, True
-        gain, unknowns, best = found - best, there, found
+        gain, unknowns, best = value - best, there, value
         gradient, information = _newton(model, values, unknowns)
         if gain <= GAIN * max(1.0, abs(best)):
             return unknowns, information, True

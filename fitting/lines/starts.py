@@ -267,7 +267,7 @@ def far_delays(frequency_hz: FloatArray, values: ComplexArray) -> list[float]:
     """Delays that points far from a top or a bottom show, where most points are far, s.
 
     A line of few points in a long sweep is a small part of what `complex_line` has to describe: a
-    wide line can stand for a delay, and the narrow one is missed.
+    wide line can look like a delay, and the narrow one is missed.
 
     Args:
         frequency_hz: frequencies (n,), Hz, rising.

@@ -152,18 +152,24 @@ class SweepSearch:
         delays = [start.delay_s for start in starts if start.delay_s]
         nulls = null_models(self.f, self.values, delays, self.elsewhere, self.weights)
         if not singles:
-            raise self.nothing(nulls)
+            straight = min(null.squares for null in nulls if null.kind is NullKind.STRAIGHT)
+            for null in nulls:
+                if null.kind is NullKind.FLANK and null.squares < 0.5 * straight:
+                    raise self.cut_off(null)
+            raise BadInput(
+                f"{self.source}: shows no resonance between {self.ends}: no form of a line can be "
+                "fitted"
+            )
         criteria = criteria_of(singles, self.rows)
         order = self.order(singles, criteria)
         both = self.with_second([singles[k] for k in order], nulls)
         if not both:
             self.check_present(singles[order[0]], nulls)
-        fits, first = singles, order[0]
+        fits = singles
         if both:
-            pair = criteria_of(both, self.rows)
-            first = self.order(both, pair)[0]
-            fits, criteria, order = both, pair, self.order(both, pair)
-        chosen = fits[first]
+            fits, criteria = both, criteria_of(both, self.rows)
+            order = self.order(both, criteria)
+        chosen = fits[order[0]]
         self.check_describes(chosen)
         self.check_ends(chosen)
         height = chosen.amplitude
@@ -175,10 +181,13 @@ class SweepSearch:
             )
         tried = [_tried(fits[k], float(criteria[k])) for k in order]
         if both:
-            single = criteria_of(singles, self.rows) + self.beyond(chosen, singles)
+            # how far the lowest criterion of one line is above that of two
+            closest = min(singles, key=lambda fit: fit.squares)
+            least, above = criteria_of([chosen, closest], self.rows)
+            single = criteria_of(singles, self.rows) + float(above - least)
             tried += [_tried(fit, float(c)) for fit, c in zip(singles, single, strict=True)]
         if not self.wanted:  # a form that is requested has no rivals
-            chosen = with_rivals(fits, criteria, first)
+            chosen = with_rivals(fits, criteria, order[0])
         return replace(chosen, forms=(*tried, *failed))
 
     def fit_several(self, count: int | None) -> LineFit:
@@ -234,12 +243,6 @@ class SweepSearch:
     def forms(self) -> dict[str, Form]:
         """Forms of one line by name."""
         return COMPLEX_FORMS if self.is_complex else AMPLITUDE_FORMS
-
-    def beyond(self, chosen: LineFit, singles: Sequence[LineFit]) -> float:
-        """How far the lowest criterion of one line is above that of two."""
-        closest = min(singles, key=lambda fit: fit.squares)
-        both = criteria_of([chosen, closest], self.rows)
-        return float(both[1] - both[0])
 
     @property
     def ends(self) -> str:
@@ -402,20 +405,8 @@ class SweepSearch:
 
     # --- what contradicts one line ---------------------------------------------------------------
 
-    def nothing(self, nulls: Sequence[Null]) -> BadInput:
-        """The error where no model of a line can be fitted."""
-        flank = [null for null in nulls if null.kind is NullKind.FLANK]
-        straight = min(null.squares for null in nulls if null.kind is NullKind.STRAIGHT)
-        for null in flank:
-            if null.squares < 0.5 * straight:
-                return self.cut_off(null)
-        return BadInput(
-            f"{self.source}: shows no resonance between {self.ends}: no form of a line can be "
-            "fitted"
-        )
-
     def check_present(self, best: LineFit, nulls: Sequence[Null]) -> None:
-        """Complain of a sweep that a model without a line describes as well."""
+        """Refuse a sweep that a model without a line describes as well."""
         count = self.rows / best.structure.widening**2
 
         def describes(null: Null) -> bool:
@@ -440,17 +431,12 @@ class SweepSearch:
         null = next(n for n, c in zip(closer, made, strict=True) if c <= min(made) + SIMPLER)
         if null.kind is NullKind.FLANK:
             raise self.cut_off(null)
-        self.check_top()
-        raise BadInput(
-            f"{self.source}: shows no resonance between {self.ends}: a {null.kind.value} "
-            "describes its points as well"
-        )
-
-    def check_top(self) -> None:
-        """Complain of amplitudes whose largest one is at an end."""
         f, top = self.f, int(np.argmax(np.abs(self.values)))
         if self.is_complex or AT_END <= top < f.size - AT_END:
-            return
+            raise BadInput(
+                f"{self.source}: shows no resonance between {self.ends}: a {null.kind.value} "
+                "describes its points as well"
+            )
         end, where = ("first", f[0]) if 2 * top < f.size - 1 else ("last", f[-1])
         raise BadInput(
             f"{self.source}: is largest at its {end} point, {hertz(where, digits=8)}, which cuts "
@@ -458,7 +444,7 @@ class SweepSearch:
         )
 
     def check_describes(self, best: LineFit) -> None:
-        """Complain of correlated residuals beyond the limit."""
+        """Refuse correlated residuals beyond the limit."""
         shares = (self.values - best.curve) / float(np.max(np.abs(self.values)))
         parts = [shares.real, shares.imag] if self.is_complex else [shares.real]
         if all(correlation(part, part).misfit is not Misfit.REFUSED for part in parts):
@@ -472,7 +458,7 @@ class SweepSearch:
         )
 
     def check_ends(self, best: LineFit) -> None:
-        """Complain of a line of which less than half a width is left at an end."""
+        """Refuse a line of which less than half a width is left at an end."""
         f = self.f
         left, right = best.frequency.value - f[0], f[-1] - best.frequency.value
         if min(left, right) < 0.5 * best.width.value:

@@ -264,7 +264,7 @@ def swapped(frequencies: FloatArray, sizes: FloatArray) -> bool:
 
 
 def _even(numbers: FloatArray) -> bool:
-    """Whether numbers run one way in steps of one size, as far as digits of a file tell it."""
+    """Whether numbers run one way in steps of one size, as far as digits of a file show it."""
     steps = np.diff(numbers)
     middle = float(np.median(steps))
     return middle != 0.0 and bool(np.all(np.abs(steps / middle - 1.0) < UNEVEN))

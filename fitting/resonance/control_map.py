@@ -1,4 +1,4 @@
-"""A long table of spectra over a control quantity, where one sweep is looked for: seen and said."""
+"""A long table of spectra over a control quantity, where one sweep is looked for."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ class ControlMap:
         return f"{len(counts)} spectra over {over}, {points} frequencies each"
 
     def way(self, *, phases: bool, drafted: bool) -> str:
-        """How it is fitted, for complaints of whoever wants one sweep.
+        """How it is fitted, for errors where one sweep is wanted.
 
         Args:
             phases: whether its values are complex.
-            drafted: whether to say that there may be a draft.
+            drafted: whether to mention that there may be a draft.
         """
         names = listed(c.name for c in self.controls)
         draft = ", and fmu-fit init drafts it for two modes that meet, --fmu CoupledModes2"
@@ -72,9 +72,9 @@ def map_of(
     steps = np.diff(frequencies)
     if np.all(steps > 0.0) or np.all(steps < 0.0):
         return None
-    found = [(c, v) for c in recording.channels if c.name != taken[0] for v in _few(c)]
-    beside = [pair for pair in found if pair[0].name not in taken]
-    for pairs in (*([pair] for pair in found), *([beside] if len(beside) > 1 else [])):
+    candidates = [(c, v) for c in recording.channels if c.name != taken[0] for v in _few(c)]
+    free = [pair for pair in candidates if pair[0].name not in taken]
+    for pairs in (*([pair] for pair in candidates), *([free] if len(free) > 1 else [])):
         values = np.column_stack([v for _, v in pairs])
         settings, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)  # as the file has them

@@ -1,4 +1,4 @@
-"""A file over time as what was recorded of a free decay: its columns are recognised, or told."""
+"""A file over time as what was recorded of a free decay: its columns are recognised, or stated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fitting.campaign.recognised import recognised
 from fitting.lines.trace import AMPLITUDES, PHASORS, DecayRecord, decay_record_of
 from fitting.resonance.reading import (
     Columns,
-    ValueRoles,
+    Roles,
     column_of,
     columns_there,
     phase_complaints,
@@ -29,7 +29,7 @@ from fitting.text.finding import Finding, Kind, note
 from fitting.text.tables import hertz_of
 from fitting.text.units import convert, is_frequency
 
-#: Names of columns that say that they hold amplitudes, in small letters.
+#: Names of columns that hold amplitudes, in small letters.
 OF_AMPLITUDES = ("r", "amplitude", "magnitude", "mag", "amp", "level", "envelope")
 
 
@@ -38,7 +38,7 @@ def is_over_time(path: Path, columns: Columns) -> bool:
 
     Args:
         path: of the file.
-        columns: what is told of its columns.
+        columns: what is stated of its columns.
 
     Raises:
         BadInput: the file is not readable.
@@ -49,15 +49,15 @@ def is_over_time(path: Path, columns: Columns) -> bool:
     return known.role("time") is not None and known.role("frequency") is None
 
 
-def decay_roles_of(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
-    """The column of times of a file over time, and what its others are taken for.
+def decay_roles_of(path: Path, columns: Columns) -> Roles:
+    """The columns of a file over time by what they are taken for.
 
     Args:
         path: of the file.
-        columns: what is told of its columns.
+        columns: what is stated of its columns.
 
     Raises:
-        BadInput: no column of times or values, one that tells no unit, a cell that is no number.
+        BadInput: no column of times or values, one without a unit, a cell that is no number.
     """
     columns = columns.checked()
     recording = recognised(path, columns.selection)
@@ -69,77 +69,69 @@ def decay_roles_of(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
         )
     time = with_unit(time, columns.unit_time)
     roles = value_roles_of(recording, columns, time)
-    complaints = phase_complaints(roles)
+    errors = phase_complaints(roles)
     if time.unit is None:
-        complaints.append(
+        errors.append(
             f"{path}: states no unit of its times, column '{time.name}'; wanted it by --unit-time, "
             "as s or ms"
         )
-    if complaints:
-        raise BadInput(*complaints)
-    recording.check((time, *roles.values))
-    return time, roles
+    if errors:
+        raise BadInput(*errors)
+    recording.check(roles.all)
+    return roles
 
 
 def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
-    """The record that a file over time holds, and how it was read, in sentences.
+    """The record that a file over time holds, and how it was read.
 
     Args:
         path: of the file.
-        columns: what is told of its columns.
+        columns: what is stated of its columns.
 
     Raises:
         BadInput: as `decay_roles_of`; times that are not even.
     """
-    time, roles = decay_roles_of(path, columns)
-    recording = roles.recording
+    roles = decay_roles_of(path, columns)
+    recording, time = roles.recording, roles.axis
     where = f"{path}: column '{time.name}'"
     time_s = convert(1.0, str(time.unit), "s", where=where) * recording.numbers(time)
     spacing_s(time_s, str(path), recording.places)
     values, unit, converted = values_in(roles)
-    kind = _kind(roles, unit)
+    # names or units show what was recorded: levels and powers are no samples
+    kind, sizes = PHASORS if roles.is_complex else "", roles.sizes
+    if sizes is not None and not kind:
+        changed = unit != (sizes.unit or "1")
+        kind = AMPLITUDES if changed or sizes.name.lower() in OF_AMPLITUDES else ""
+    # one column by itself may hold samples as well as amplitudes
+    names = value_names(roles) if kind else {"values": sizes}
     reference_hz, demodulated = _reference(recording, columns)
-    made = decay_record_of(time_s, values, unit, str(path))
+    # columns that may have been meant as well, where nothing shows which one is
+    others: tuple[Finding, ...] = ()
+    taken = {c.name for c in roles.all}
+    if taken & {c.name for c in recording.channels if c.guessed}:
+        rest = [c for c in recording.channels if c.name not in taken and not _is_frequency(c)]
+        if rest:
+            others = (
+                note(Kind.other_columns, "", {"columns": tuple(f"'{c.name}'" for c in rest)}),
+            )
     return replace(
-        made,
+        decay_record_of(time_s, values, unit, str(path)),
         kind=kind,
         reference_hz=reference_hz,
-        reading=(
-            read_note(roles, {"time": time, **_value_names(roles, kind)}),
-            *converted,
-            *demodulated,
-            *_others(roles, time),
-        ),
+        reading=(read_note(roles, {"time": time, **names}), *converted, *demodulated, *others),
     )
 
 
-def _kind(roles: ValueRoles, unit: str) -> str:
-    """What was recorded, where names or units tell it: levels and powers are no samples."""
-    if roles.is_complex:
-        return PHASORS
-    sizes = roles.sizes
-    if sizes is None:
-        return ""
-    changed = unit != (sizes.unit or "1")
-    return AMPLITUDES if changed or sizes.name.lower() in OF_AMPLITUDES else ""
-
-
-def _value_names(roles: ValueRoles, kind: str) -> dict[str, Channel | None]:
-    """What each column of values is: one by itself may hold samples as well as amplitudes."""
-    names = value_names(roles)
-    return names if kind else {"values": roles.sizes}
-
-
 def _reference(recording: Recording, columns: Columns) -> tuple[float, tuple[Finding, ...]]:
-    """What was demodulated at, Hz, where a column that does not change tells it; else NaN.
+    """What was demodulated at, Hz, where a column that does not change states it; else NaN.
 
     Raises:
-        BadInput: the column that is told changes.
+        BadInput: the column that is named changes.
     """
     named = recording.column(columns.frequency) if columns.frequency else None
     named = None if named is None else with_unit(named, columns.unit_frequency)
-    found = [named] if named is not None else [c for c in recording.channels if _tells(c)]
-    for channel in found:
+    tried = [named] if named is not None else filter(_is_frequency, recording.channels)
+    for channel in tried:
         values = recording.numbers(channel)
         where = f"{recording.path}: column '{channel.name}'"
         if np.ptp(values) > 0.0:
@@ -156,16 +148,5 @@ def _reference(recording: Recording, columns: Columns) -> tuple[float, tuple[Fin
     return math.nan, ()
 
 
-def _tells(channel: Channel) -> bool:
+def _is_frequency(channel: Channel) -> bool:
     return bool(channel.unit) and not channel.is_complex and is_frequency(str(channel.unit))
-
-
-def _others(roles: ValueRoles, time: Channel) -> tuple[Finding, ...]:
-    """Columns that may have been meant as well, where nothing tells which one is."""
-    guessed = {c.name for c in roles.recording.channels if c.guessed}
-    taken = {c.name for c in (*roles.values, time)}
-    if not guessed & taken:
-        return ()
-    rest = [c for c in roles.recording.channels if c.name not in taken and not _tells(c)]
-    others = {"columns": tuple(f"'{c.name}'" for c in rest)}
-    return (note(Kind.other_columns, "", others),) if rest else ()

@@ -29,7 +29,7 @@ _IN_NAME = re.compile(
 )
 #: A setting above a table.
 _SETTING = re.compile(
-    rf"(?P<name>{NAME})\s*(?:[(\[](?P<told>[^()\[\]]+)[)\]]\s*)?[=:,;\t]\s*(?P<value>{REAL})"
+    rf"(?P<name>{NAME})\s*(?:[(\[](?P<stated>[^()\[\]]+)[)\]]\s*)?[=:,;\t]\s*(?P<value>{REAL})"
     rf"[\s,;]*[(\[]?(?P<unit>{UNIT})?[)\]]?[\s,;]*"
 )
 #: Name of a control that no file names.
@@ -99,7 +99,7 @@ def settings_of_head(path: Path) -> Settings:
         match = _SETTING.fullmatch(text)
         if match is not None:
             made.setdefault(
-                match["name"], (float(match["value"]), _unit(match["told"] or match["unit"]))
+                match["name"], (float(match["value"]), _unit(match["stated"] or match["unit"]))
             )
     return made
 

@@ -1,4 +1,4 @@
-"""A file over frequency as a noise spectrum: its unit or the name of its column says that it is."""
+"""A file over frequency as a noise spectrum: by its unit or the name of its column."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from fitting.lines.trace import NoiseRecord, noise_record_of
 from fitting.resonance.reading import Columns, Roles, hertz_in, lead, map_in, roles_of
 from fitting.text.errors import BadInput
 
-#: Names of columns that say what they hold, in small letters.
+#: Names of columns by what they hold, in small letters.
 NAMES = {
     ROOT: re.compile(r"\b(asd|lsd|(amplitude|linear) spectral density)\b"),
     DENSITY: re.compile(r"\b(psd|pxx|s_?xx|(spectral|noise) density|noise power)\b"),
@@ -28,7 +28,7 @@ BY_UNIT, BY_NAME = "unit", "name"
 
 
 def stated_density(roles: Roles) -> Density | None:
-    """The density in a file's column of sizes; None where neither unit nor name says it is one.
+    """The density in a file's column of sizes; None where neither unit nor name is that of one.
 
     Args:
         roles: of its columns.
@@ -41,7 +41,7 @@ def stated_density(roles: Roles) -> Density | None:
     named = next((way for way, words in NAMES.items() if words.search(name)), "")
     known = density_of(numbers, channel.unit) if channel.unit else None
     if known is not None:
-        # stated by whoever reads it, and not by the file
+        # stated by the reader, and not by the file
         holds = ROOT if known.is_root else DENSITY
         holds = "" if column.unit == channel.unit else holds
         return replace(known, by=BY_UNIT, holds=holds)
@@ -51,25 +51,25 @@ def stated_density(roles: Roles) -> Density | None:
 
 
 def is_noise_spectrum(path: Path, columns: Columns) -> bool:
-    """Whether a file says by its unit or its name that it is a noise spectrum.
+    """Whether a file is a noise spectrum by its unit or its name.
 
     Args:
         path: of the file.
-        columns: what is told of its columns.
+        columns: what is stated of its columns.
     """
     try:
         roles = roles_of(path, columns)
         return stated_density(roles) is not None and map_in(roles) is None
     except BadInput:
-        return False  # its reader complains
+        return False  # its reader names the error
 
 
 def read_noise_of(path: Path, columns: Columns) -> NoiseRecord:
-    """The noise spectrum that a file holds, and how it was read, in sentences.
+    """The noise spectrum that a file holds, and how it was read.
 
     Args:
         path: of the file.
-        columns: what is told of its columns.
+        columns: what is stated of its columns.
 
     Raises:
         BadInput: a file that is not read, one that is no noise spectrum, a density not above zero.

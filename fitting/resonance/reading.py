@@ -1,10 +1,11 @@
-"""A file of any instrument as a trace: what its columns are is recognised, or told."""
+"""A file of any instrument as a trace: what its columns are is recognised, or stated."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ ROOT_MW = "(mW)^0.5"
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """Where a file has what, as far as the file does not tell: empty means that it is found out.
+    """Where a file has what, as far as the file does not state it: empty means recognised.
 
     Attributes:
         frequency: name of the column of frequencies.
@@ -45,7 +46,7 @@ class Columns:
         real: of real parts, X.
         imaginary: of imaginary parts, Y.
         time: of times, of a recording over time.
-        unit_frequency: unit of the frequencies, where the file tells none or a wrong one.
+        unit_frequency: unit of the frequencies, where the file states none or a wrong one.
         unit_amplitude: unit of amplitudes, or of real and imaginary parts.
         unit_phase: unit of phases.
         unit_time: unit of times.
@@ -105,21 +106,27 @@ class Columns:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ValueRoles:
-    """The columns of a file's values by what they are; None where there is none.
+class Roles:
+    """The columns of a file by what they are; None where there is none.
 
-    ``sizes`` holds amplitudes, or complex values; ``recording`` states what the file is;
-    ``left_out`` says which of its rows are not here, ``part`` where in it they are, by the keys of
-    a campaign.
+    ``axis`` holds frequencies, or times, ``sizes`` amplitudes, or complex values; ``recording``
+    states what the file is; ``left_out`` which of its rows are not here, ``part`` where in it they
+    are, by the keys of a campaign.
     """
 
     recording: Recording
+    axis: Channel
     sizes: Channel | None = None
     phase: Channel | None = None
     real: Channel | None = None
     imaginary: Channel | None = None
     left_out: tuple[Finding, ...] = ()
     part: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def frequency(self) -> Channel:
+        """The axis of a sweep."""
+        return self.axis
 
     @property
     def is_complex(self) -> bool:
@@ -130,20 +137,13 @@ class ValueRoles:
     @property
     def values(self) -> tuple[Channel, ...]:
         """Every column of values that is taken."""
-        found = (self.sizes, self.phase, self.real, self.imaginary)
-        return tuple(channel for channel in found if channel is not None)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Roles(ValueRoles):
-    """The columns of a sweep: the same, over frequency."""
-
-    frequency: Channel
+        channels = (self.sizes, self.phase, self.real, self.imaginary)
+        return tuple(channel for channel in channels if channel is not None)
 
     @property
     def all(self) -> tuple[Channel, ...]:
         """Every column that is taken."""
-        return (self.frequency, *self.values)
+        return (self.axis, *self.values)
 
 
 def roles_of(path: Path, columns: Columns) -> Roles:
@@ -151,53 +151,43 @@ def roles_of(path: Path, columns: Columns) -> Roles:
 
     Args:
         path: of the file.
-        columns: what is told of them.
+        columns: what is stated of them.
 
     Raises:
-        BadInput: the file is not readable, holds no response over frequency, or tells no unit; a
+        BadInput: the file is not readable, holds no response over frequency, or states no unit; a
             line for each column and unit that is wanted.
     """
-    frequency, found = _looked_at(path, columns)
-    recording = found.recording
-    complaints = []
-    if frequency.unit is None:
-        over_time = f'; of a recording over time --time "{frequency.name}" --unit-time s'
-        complaints.append(
-            f"{path}: states no unit of its frequencies, column '{frequency.name}'; wanted it "
-            f"by --unit-frequency, as Hz or MHz{over_time * (not recording.headed)}"
+    roles = _sweep_roles(path, columns)
+    errors = []
+    if roles.axis.unit is None:
+        over_time = f'; of a recording over time --time "{roles.axis.name}" --unit-time s'
+        errors.append(
+            f"{path}: states no unit of its frequencies, column '{roles.axis.name}'; wanted it "
+            f"by --unit-frequency, as Hz or MHz{over_time * (not roles.recording.headed)}"
         )
-    complaints += phase_complaints(found)
-    if complaints:
-        raise BadInput(*complaints)
-    return Roles(
-        recording=recording,
-        frequency=frequency,
-        sizes=found.sizes,
-        phase=found.phase,
-        real=found.real,
-        imaginary=found.imaginary,
-        left_out=found.left_out,
-        part=found.part,
-    )
+    errors += phase_complaints(roles)
+    if errors:
+        raise BadInput(*errors)
+    return roles
 
 
 def units_untold(path: Path, columns: Columns) -> dict[str, str]:
-    """Columns of frequencies and phases without a unit, by the field of `Columns` that tells it.
+    """Columns of frequencies and phases without a unit, by the field of `Columns` that states it.
 
     Args:
         path: of the file.
-        columns: what is told of them.
+        columns: what is stated of them.
 
     Raises:
         BadInput: as `roles_of`, but for units.
     """
-    frequency, found = _looked_at(path, columns)
-    fields = {"unit_frequency": frequency, "unit_phase": found.phase}
+    roles = _sweep_roles(path, columns)
+    fields = {"unit_frequency": roles.axis, "unit_phase": roles.phase}
     return {key: c.name for key, c in fields.items() if c is not None and c.unit is None}
 
 
-def _looked_at(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
-    """The columns of frequencies and of values, in the units that are told, if any is."""
+def _sweep_roles(path: Path, columns: Columns) -> Roles:
+    """The columns of frequencies and of values, in the units that are stated, if any is."""
     columns = columns.checked()
     recording = recognised(path, columns.selection)
     frequency = column_of(recording, columns.frequency, "frequency")
@@ -212,69 +202,72 @@ def _looked_at(path: Path, columns: Columns) -> tuple[Channel, ValueRoles]:
         )
     recording, frequency, left_out = without_zero(recording, frequency)
     frequency = with_unit(frequency, columns.unit_frequency)
-    found = value_roles_of(recording, columns, frequency)
-    return frequency, replace(found, left_out=left_out)
+    return replace(value_roles_of(recording, columns, frequency), left_out=left_out)
 
 
-def column_of(recording: Recording, told: str, *roles: str) -> Channel | None:
-    """The column that is told, or else the first one that seems to play one of some roles.
+def column_of(recording: Recording, name: str, *roles: str) -> Channel | None:
+    """The column that is named, or else the first one that seems to play one of some roles.
 
     Args:
         recording: what was read of the file.
-        told: name of the column; empty: it is not told.
+        name: of the column; empty: it is not stated.
         roles: which ones.
 
     Raises:
-        BadInput: there is no column of the name that is told.
+        BadInput: there is no column of this name.
     """
-    if told:
-        return recording.column(told)
+    if name:
+        return recording.column(name)
     return next((c for c in map(recording.role, roles) if c is not None), None)
 
 
-def value_roles_of(recording: Recording, columns: Columns, axis: Channel) -> ValueRoles:
-    """Which columns of a file are taken for its values, in the units that are told.
+def value_roles_of(recording: Recording, columns: Columns, axis: Channel) -> Roles:
+    """Which columns of a file are taken for its values, in the units that are stated.
 
     Args:
         recording: what was read of the file.
-        columns: what is told of them.
-        axis: the column over which they stand.
+        columns: what is stated of them.
+        axis: the column of frequencies or times.
 
     Raises:
         BadInput: there is none.
     """
-
-    def column(told: str, *roles: str) -> Channel | None:
-        return column_of(recording, told, *roles)
-
-    sizes = column(columns.amplitude) if columns.amplitude else None
-    phase = real = imaginary = None
+    sizes = phase = real = imaginary = None
     if columns.amplitude or columns.phase:
-        sizes = sizes or column("", "amplitude")
-        phase = column(columns.phase) if columns.phase else None
+        sizes = column_of(recording, columns.amplitude, "amplitude")
+        phase = recording.column(columns.phase) if columns.phase else None
     else:
-        real, whole = column(columns.real, "re"), column("", "complex")
+        real, whole = column_of(recording, columns.real, "re"), recording.role("complex")
         if columns.real or (real is not None and whole is None):
-            imaginary = column(columns.imaginary, "im")
+            imaginary = column_of(recording, columns.imaginary, "im")
         else:
-            real, sizes = None, whole or column("", "amplitude")
-            phase = None if whole is not None else column("", "phase")
+            real, sizes = None, whole or recording.role("amplitude")
+            phase = None if whole is not None else recording.role("phase")
+
+    def in_unit(channel: Channel | None, unit: str) -> Channel | None:
+        return None if channel is None else with_unit(channel, unit)
+
     unit = columns.unit_amplitude
-    found = ValueRoles(
+    roles = Roles(
         recording=recording,
-        sizes=_with_unit_or_none(sizes, unit),
-        phase=_with_unit_or_none(phase, columns.unit_phase),
-        real=_with_unit_or_none(real, unit),
-        imaginary=_with_unit_or_none(imaginary, unit),
+        axis=axis,
+        sizes=in_unit(sizes, unit),
+        phase=in_unit(phase, columns.unit_phase),
+        real=in_unit(real, unit),
+        imaginary=in_unit(imaginary, unit),
         part=columns.selection.parts,
     )
-    if found.sizes is None and (found.real is None or found.imaginary is None):
-        _complain_of_cells(recording, (axis, *found.values))
+    if roles.sizes is None and (roles.real is None or roles.imaginary is None):
+        # cells that are no numbers in the only column that could be an amplitude are named first
+        names = {c.name for c in roles.all}
+        free = [c for c in recording.channels if c.name not in names and not c.is_complex]
+        if len(free) == 1:
+            recording.check((*roles.all, free[0]))
         raise BadInput(
             f"{recording.path}: has no column that seems an amplitude; there is: "
             f"{columns_there(recording)}; wanted its name by --amplitude, or --real and --imaginary"
         )
-    return found
+    return roles
 
 
 def columns_there(recording: Recording) -> str:
@@ -287,49 +280,36 @@ def columns_there(recording: Recording) -> str:
     return ", ".join((*names[:MOST_SHOWN], *(["..."] * (len(names) > MOST_SHOWN))))
 
 
-def _complain_of_cells(recording: Recording, taken: tuple[Channel, ...]) -> None:
-    """Name the cells that are no numbers in the only column that could be an amplitude."""
-    names = {c.name for c in taken}
-    free = [c for c in recording.channels if c.name not in names and not c.is_complex]
-    if len(free) == 1:
-        recording.check((*taken, free[0]))
-
-
 def with_unit(channel: Channel, unit: str) -> Channel:
-    """A column in the unit that is told.
+    """A column in the unit that is stated.
 
     Args:
         channel: the column.
-        unit: that is told; empty: it is not.
+        unit: that is stated; empty: it is not.
     """
     return replace(channel, unit=unit) if unit else channel
 
 
-def _with_unit_or_none(channel: Channel | None, unit: str) -> Channel | None:
-    return None if channel is None else with_unit(channel, unit)
-
-
-def phase_complaints(found: ValueRoles) -> list[str]:
-    """What is wanted where phases tell no unit.
+def phase_complaints(roles: Roles) -> list[str]:
+    """What is wanted where phases have no unit.
 
     Args:
-        found: columns of the values.
+        roles: columns of the values.
     """
-    if found.phase is None or found.phase.unit is not None:
+    if roles.phase is None or roles.phase.unit is not None:
         return []
     return [
-        f"{found.recording.path}: states no unit of its phases, column '{found.phase.name}'; "
-        f"wanted "
-        "it by --unit-phase, deg or rad"
+        f"{roles.recording.path}: states no unit of its phases, column '{roles.phase.name}'; "
+        "wanted it by --unit-phase, deg or rad"
     ]
 
 
 def read_trace_of(path: Path, columns: Columns) -> Trace:
-    """The trace that a file holds, and how it was read, in sentences.
+    """The trace that a file holds, and how it was read.
 
     Args:
         path: of the file.
-        columns: what is told of its columns.
+        columns: what is stated of its columns.
 
     Raises:
         BadInput: see `roles_of`; a cell that is no number, a unit of another kind.
@@ -341,15 +321,33 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
         if not np.all(finite):
             repeated.append(note(Kind.rows_dropped, count=float(np.sum(~finite))))
             roles = _some_rows(roles, np.flatnonzero(finite))
-    recording = roles.recording
-    found = _map_beside_cells(roles)
-    if found is not None:
-        way = found.way(phases=roles.is_complex, drafted=True)
-        raise BadInput(f"{path}: is a map, {found.words}; wanted one sweep. {way}")
+    recording, sizes = roles.recording, roles.sizes
+    try:
+        control_map = map_in(roles)
+    except BadInput:  # of frequencies that are none all cells are named, of all columns
+        recording.check(roles.all)
+        raise
+    if control_map is not None:
+        way = control_map.way(phases=roles.is_complex, drafted=True)
+        raise BadInput(f"{path}: is a map, {control_map.words}; wanted one sweep. {way}")
     recording.check(roles.all)
-    _complain_of_swapped(roles)
+    if (
+        sizes is not None
+        and not sizes.is_complex
+        and swapped(recording.numbers(roles.axis), recording.numbers(sizes))
+    ):
+        raise BadInput(
+            f"{path}: column '{roles.axis.name}', read as the frequency, runs neither up nor down, "
+            f"but '{sizes.name}', read as the amplitude, runs evenly: they look swapped; wanted "
+            "their names exchanged"
+        )
     frequency_hz = hertz_in(roles)
-    read = _columns_words({"frequency": roles.frequency, **value_names(roles)})
+    named = {"frequency": roles.axis, **value_names(roles)}
+    read = listed(
+        f"{what} '{c.name}' ({c.unit or 'no unit stated'})"
+        for what, c in named.items()
+        if c is not None
+    )
     values, unit, converted = values_in(roles)
     reading = [*lead(roles), *_guesses(roles, columns), *converted]
     steps = np.diff(frequency_hz)
@@ -378,53 +376,16 @@ def _lenient(channel: Channel) -> ComplexArray:
 
 
 def _some_rows(roles: Roles, rows: IntArray) -> Roles:
-    """The columns of a file with some of its rows.
-
-    Args:
-        roles: of its columns.
-        rows: numbers of the rows, from 0.
-    """
+    """The columns of a file with some of its rows, numbered from 0."""
 
     def taken(channel: Channel) -> Channel:
         return replace(channel, read=lambda: _lenient(channel)[rows], lenient=None)
 
-    parts = {
-        name: None if channel is None else taken(channel)
-        for name, channel in (
-            ("sizes", roles.sizes),
-            ("phase", roles.phase),
-            ("real", roles.real),
-            ("imaginary", roles.imaginary),
-        )
+    names = ("axis", "sizes", "phase", "real", "imaginary")
+    parts: dict[str, Any] = {
+        name: taken(channel) for name in names if (channel := getattr(roles, name)) is not None
     }
-    return replace(
-        roles,
-        recording=roles.recording.part(rows),
-        frequency=taken(roles.frequency),
-        **parts,  # type: ignore[arg-type]
-    )
-
-
-def _map_beside_cells(roles: Roles) -> ControlMap | None:
-    """The map that a file is; of frequencies that are none all cells are told, of all columns."""
-    try:
-        return map_in(roles)
-    except BadInput:
-        roles.recording.check(roles.all)
-        raise
-
-
-def _complain_of_swapped(roles: Roles) -> None:
-    """Complain of a column of frequencies in no order where the one of amplitudes is a grid."""
-    sizes, recording = roles.sizes, roles.recording
-    if sizes is None or sizes.is_complex:
-        return
-    if swapped(recording.numbers(roles.frequency), recording.numbers(sizes)):
-        raise BadInput(
-            f"{recording.path}: column '{roles.frequency.name}', read as the frequency, runs "
-            f"neither up nor down, but '{sizes.name}', read as the amplitude, runs evenly: they "
-            "look swapped; wanted their names exchanged"
-        )
+    return replace(roles, recording=roles.recording.part(rows), **parts)
 
 
 def map_in(roles: Roles) -> ControlMap | None:
@@ -451,7 +412,7 @@ def lead(roles: Roles, sizes: str = AMPLITUDE) -> tuple[Finding, ...]:
     return read_note(roles, names), *(replace(f, severity="note") for f in roles.left_out)
 
 
-def read_note(roles: ValueRoles, names: Mapping[str, Channel | None]) -> Finding:
+def read_note(roles: Roles, names: Mapping[str, Channel | None]) -> Finding:
     """What a file is, and which of its columns is read as what.
 
     Args:
@@ -471,7 +432,7 @@ def read_note(roles: ValueRoles, names: Mapping[str, Channel | None]) -> Finding
     )
 
 
-def values_in(roles: ValueRoles) -> tuple[FloatArray | ComplexArray, str, list[Finding]]:
+def values_in(roles: Roles) -> tuple[FloatArray | ComplexArray, str, list[Finding]]:
     """Amplitudes or complex values (n,) of a file, their unit, and what was made of them.
 
     Args:
@@ -532,7 +493,7 @@ def _amplitudes(recording: Recording, channel: Channel) -> tuple[FloatArray, str
     return values, unit, []
 
 
-def value_names(roles: ValueRoles, sizes: str = AMPLITUDE) -> dict[str, Channel | None]:
+def value_names(roles: Roles, sizes: str = AMPLITUDE) -> dict[str, Channel | None]:
     """What each column of values is.
 
     Args:
@@ -547,22 +508,13 @@ def value_names(roles: ValueRoles, sizes: str = AMPLITUDE) -> dict[str, Channel 
     }
 
 
-def _columns_words(names: Mapping[str, Channel | None]) -> str:
-    """Columns with their units, for complaints, as "time 't' (s) and amplitude 'R' (V)"."""
-    return listed(
-        f"{what} '{c.name}' ({c.unit or 'no unit stated'})"
-        for what, c in names.items()
-        if c is not None
-    )
-
-
 def _guesses(roles: Roles, columns: Columns) -> list[Finding]:
     """Remarks about the columns, where one of those that are taken was guessed.
 
-    What was guessed of a column that is told, or is not taken then, is not said.
+    What was guessed of a column that is stated, or is not taken then, is not printed.
     """
-    told = {columns.frequency, columns.amplitude, columns.phase, columns.real, columns.imaginary}
-    taken = {c.name for c in roles.all} - told
+    given = {columns.frequency, columns.amplitude, columns.phase, columns.real, columns.imaginary}
+    taken = {c.name for c in roles.all} - given
     guessed = {c.name for c in roles.recording.channels if c.guessed}
     if not guessed & taken:
         return []

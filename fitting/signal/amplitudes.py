@@ -17,7 +17,7 @@ from fitting.text.units import convert, parse_quantity
 class Amplitude:
     """A declaration: ``kind`` "peak", "rms", "dBm" or "dB"; peak amplitudes come out in ``unit``.
 
-    ``impedance_ohm`` is the load that dBm refers to; dB refer to nobody knows what, unit "1".
+    ``impedance_ohm`` is the load that dBm refers to; dB refer to an unknown level, unit "1".
     """
 
     kind: str

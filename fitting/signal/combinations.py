@@ -16,7 +16,7 @@ TERM = re.compile(r"([+-]?)\s*(?:(\d+)\s*\*?\s*)?([^\W\d]\w*)\s*")
 #: Highest order of lines of a nonlinear response that sampling keeps off those that are read.
 USUAL_ORDER = 9
 MOST_DIGITS = 3
-#: Lines beside those that are read: more cannot be kept off them in any time.
+#: Lines besides those that are read: more cannot be kept off them in any time.
 MOST_MIXED = 10**6
 
 
@@ -75,7 +75,7 @@ def parse_combination(text: str, names: Sequence[str], where: str) -> Combinatio
 def lines_to_read(
     texts: Sequence[str], order: int | None, tones: tuple[str, ...], where: str
 ) -> tuple[tuple[Combination, ...], int]:
-    """Lines to read, and the highest order of lines that the response may hold beside them.
+    """Lines to read, and the highest order of lines that the response may hold besides them.
 
     Without an ``order`` that is 1, a linear response, where only tones are read.
 

@@ -4,13 +4,13 @@ A state of r numbers moves by the matrix A from sample to sample, and by F = A^S
 
     y(S i + j) = C F^i A^j x
 
-Short blocks of samples, a long way S apart, tell both. The blocks moved against each other, by
-whole strides and inside, fill a matrix whose columns are the starts and whose rows are what is seen
-of them; its singular vectors are the states as they are seen, rows moved by one sample tell A,
-rows moved by a stride F. Lines that beat slowly are told apart by F, what decays fast by A. Where
-eigenvectors are shared and well apart, what multiplies each is z from sample to sample and w over a
-stride, and the last digits of z are those of w^(1/S). Where poles meet there are no such vectors,
-and the matrices themselves are multiplied.
+Short blocks of samples, a long way S apart, determine both. The blocks moved against each other, by
+whole strides and inside, fill a matrix whose columns are the starts and whose rows are what is
+observed of them; its singular vectors are the states as they are observed, rows moved by one sample
+give A, rows moved by a stride F. Lines that beat slowly are distinguished by F, what decays fast by
+A. Where eigenvectors are shared and well apart, what multiplies each is z from sample to sample and
+w over a stride, and the last digits of z are those of w^(1/S). Where poles meet there are no such
+vectors, and the matrices themselves are multiplied.
 
 What that is worth is seen at further samples that are not used. Source of the shift of a subspace:
 R. Roy and T. Kailath, IEEE Trans. ASSP 37 (1989) 984.
@@ -28,7 +28,7 @@ from scipy.linalg import lstsq
 
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 
-#: Samples that are held out, beside the last one: one in every stride, elsewhere in each. In the
+#: Samples that are checked, besides the last one: one in every stride, elsewhere in each. In the
 #: first stride, where what decays fast is seen, there are further ones, each so many times as far
 #: from the first block as the one before.
 GOLDEN, FARTHER = 0.6180339887498949, 2
@@ -42,7 +42,7 @@ TRIED = 3
 ROUNDING = 1e-16
 #: Condition of eigenvectors above which poles meet.
 MEETING = 1e6
-#: Share of F in what eigenvectors are taken of: what neither A nor F tells apart their sum does.
+#: Share of F in what eigenvectors are taken of: what neither A nor F distinguishes their sum does.
 MIXED = 0.37
 #: Factors over a stride below which a state has decayed, and the logarithm up to which z^S is w.
 DECAYED, NEAR = 1e-3, 0.5
@@ -60,7 +60,7 @@ class FewSamples:
         length: samples of each.
 
     Raises:
-        ValueError: blocks that do not tell two shifts, or that leave nothing between them.
+        ValueError: blocks that do not determine two shifts, or that leave nothing between them.
     """
 
     samples: int
@@ -83,7 +83,7 @@ class FewSamples:
         return begins[:, np.newaxis] + np.arange(self.length)
 
     @cached_property
-    def held_out(self) -> IntArray:
+    def checked(self) -> IntArray:
         """Samples between blocks by which what was made of these is checked; the last is one."""
         block = np.arange(self.blocks - 1)
         inside = np.remainder((block + 1) * GOLDEN, 1.0) * (self.stride - self.length)
@@ -94,7 +94,7 @@ class FewSamples:
     @cached_property
     def indices(self) -> IntArray:
         """All of them, rising."""
-        return np.unique(np.concatenate([self.used.ravel(), self.held_out]))
+        return np.unique(np.concatenate([self.used.ravel(), self.checked]))
 
 
 @dataclass(frozen=True)
@@ -113,11 +113,11 @@ class Rebuilt:
 class _Motion:
     """States after strides, from those at the start (blocks, r, r), and what is seen of them.
 
-    `seen` (r, stride) tells that of one state at every sample of a stride.
+    `observed` (r, stride) is that of one state at every sample of a stride.
     """
 
     over: FloatArray | ComplexArray
-    seen: FloatArray | ComplexArray
+    observed: FloatArray | ComplexArray
 
     def samples(self, blocks: FloatArray) -> FloatArray:
         """All samples, as many as strides have, from the start that follows blocks best.
@@ -125,16 +125,16 @@ class _Motion:
         Args:
             blocks: samples (blocks, length) that are followed.
         """
-        short = self.seen[:, : blocks.shape[1]]
+        short = self.observed[:, : blocks.shape[1]]
         design = np.einsum("mj,imk->ijk", short, self.over).reshape(blocks.size, -1)
         if not np.isfinite(design).all():
-            return np.full(len(blocks) * self.seen.shape[1], np.nan)
+            return np.full(len(blocks) * self.observed.shape[1], np.nan)
         start = lstsq(design, blocks.ravel().astype(design.dtype))[0]
-        return np.asarray(((self.over @ start) @ self.seen).real.ravel())
+        return np.asarray(((self.over @ start) @ self.observed).real.ravel())
 
 
 def rebuilt(few: FewSamples, values: FloatArray, tolerance: float) -> Rebuilt | None:
-    """All samples of a free decay; None where those that were held out tell that they are not.
+    """All samples of a free decay; None where those that are checked show that they are not.
 
     Args:
         few: which samples were taken.
@@ -166,13 +166,13 @@ def _motions(
     moved = sliding_window_view(blocks, (few.blocks - rows + 1, few.length - inside + 1))
     left, singular, _ = np.linalg.svd(moved.reshape(rows * inside, -1), full_matrices=False)
     for count in _states(singular, (rows - 1) * inside):
-        seen = left[:, :count].reshape(rows, inside, count)
-        one = _propagator(seen[:, :-1], seen[:, 1:])
-        far = _propagator(seen[:-1], seen[1:])
+        observed = left[:, :count].reshape(rows, inside, count)
+        one = _propagator(observed[:, :-1], observed[:, 1:])
+        far = _propagator(observed[:-1], observed[1:])
         unsure = _unsure(few, one, far, singular[:count])
         if not unsure <= tolerance:
             continue
-        for motion in (_of_poles(few, one, far), _of_matrices(few, one, far, seen[0, 0])):
+        for motion in (_of_poles(few, one, far), _of_matrices(few, one, far, observed[0, 0])):
             if motion is not None:
                 yield motion, unsure
 
@@ -190,7 +190,7 @@ def _propagator(before: FloatArray, after: FloatArray) -> FloatArray:
     return np.asarray(lstsq(before.reshape(-1, count), after.reshape(-1, count))[0])
 
 
-def _unsure(few: FewSamples, one: FloatArray, far: FloatArray, seen: FloatArray) -> float:
+def _unsure(few: FewSamples, one: FloatArray, far: FloatArray, observed: FloatArray) -> float:
     """Share of what is seen whose F is not A^S, as if it was there in some blocks alone.
 
     So does what an event leaves behind it; of what is hardly seen A is hardly known.
@@ -199,14 +199,14 @@ def _unsure(few: FewSamples, one: FloatArray, far: FloatArray, seen: FloatArray)
         few: which samples were taken.
         one: A, (r, r).
         far: F, (r, r).
-        seen: how much of each state is, (r,).
+        observed: how much of each state is, (r,).
     """
     apart = np.linalg.matrix_power(one, few.stride) - far
     if not np.isfinite(apart).all():
         return np.inf
     off = np.linalg.norm(apart, axis=0)
     sure = off <= APART * max(1.0, float(np.linalg.norm(far, 2)))
-    return float(np.sum(np.where(sure, 0.0, off * seen))) / float(seen[0])
+    return float(np.sum(np.where(sure, 0.0, off * observed))) / float(observed[0])
 
 
 def _of_poles(few: FewSamples, one: FloatArray, far: FloatArray) -> _Motion | None:

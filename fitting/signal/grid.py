@@ -124,7 +124,7 @@ def window_on(
         longest_s: longest window of whole periods, s.
 
     Raises:
-        BadInput: no samples on the grid keep the tones apart, or clear of the lines beside them.
+        BadInput: no samples on the grid keep the tones apart, or clear of the lines next to them.
     """
     tones = tuple(map(float, tones_hz))
     if max(tones) * grid.step_s >= 0.5:
@@ -187,11 +187,11 @@ def band_on(
             if steps.numerator % samples:
                 continue
             with contextlib.suppress(BadInput):
-                found = plan_band(
+                band = plan_band(
                     tones_hz, longest_s=math.inf, window_s=float(window), samples=samples
                 )
-                if found is not None:
-                    return found
+                if band is not None:
+                    return band
     raise BadInput(
         f"{tones_in_words(tones_hz)}: no spectrum up to {longest_s:g} s holds whole periods of "
         f"them in samples at whole steps of {grid.step_s:g} s, the FMU's own; wanted tones that "
@@ -241,12 +241,12 @@ def _condition(tones: tuple[float, ...], samples: int, step_s: float) -> float:
 
 def _window(grid: Grid, window: Window, samples_per_period: int) -> Window:
     """The window with its settling on the grid, and with held steps where the drive is held."""
-    steps, held = round(window.step_s / grid.step_s), 0
+    steps, hold = round(window.step_s / grid.step_s), 0
     if samples_per_period:
         wanted = window.step_s * max(window.tones_hz) * samples_per_period
-        held = next((n for n in range(1, steps) if steps % n == 0 and n >= wanted), steps)
-        # held steps begin with the run, so that no sample lies beside the grid
-        settle_s = whole_steps(window.settle_s, window.step_s / held)
+        hold = next((n for n in range(1, steps) if steps % n == 0 and n >= wanted), steps)
+        # held steps begin with the run, so that no sample lies off the grid
+        settle_s = whole_steps(window.settle_s, window.step_s / hold)
     else:
         settle_s = grid.at_step(window.settle_s)
-    return replace(window, settle_s=settle_s, held_steps=held)
+    return replace(window, settle_s=settle_s, held_steps=hold)

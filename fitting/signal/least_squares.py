@@ -1,6 +1,6 @@
 """Smooth least squares: scipy's solver, and the damped Gauss-Newton step for searches of our own.
 
-The one small door to ``scipy.optimize`` beside the continuation. A search that has to run in step
+The one small door to ``scipy.optimize`` next to the continuation. A search that has to run in step
 with others, or whose merit is no plain sum of squares, goes its own way by `damped_step`.
 """
 
@@ -102,10 +102,10 @@ def _step_of_many(
         order = np.concatenate([np.flatnonzero(~ends), np.flatnonzero(ends)])
         first, last = np.split(order, [step.size - int(np.sum(ends))])
         k = first.size
-        turned = np.asarray(np.linalg.qr(np.column_stack([root[:, order], target]), mode="r"))
-        step[last] = step_in_box(turned[k:, k:-1], turned[k:, -1], lower[last], upper[last])
-        rest = turned[:k, -1] - turned[:k, k:-1] @ step[last]
-        step[first] = solve_triangular(turned[:k, :k], rest)
+        rotated = np.asarray(np.linalg.qr(np.column_stack([root[:, order], target]), mode="r"))
+        step[last] = step_in_box(rotated[k:, k:-1], rotated[k:, -1], lower[last], upper[last])
+        rest = rotated[:k, -1] - rotated[:k, k:-1] @ step[last]
+        step[first] = solve_triangular(rotated[:k, :k], rest)
     return np.asarray(step)
 
 

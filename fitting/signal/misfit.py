@@ -7,7 +7,7 @@
 (b) Uncorrelated residuals of TESTABLE degrees of freedom or more, P(chi^2) < IMPROBABLE and
     chi^2/freedom > NOTICED: the noise is larger than stated, by sqrt(chi^2/freedom); where a part
     of them alone is so large (`of_one_size`), the model does not describe the data.
-    That something is wrong is known then, and less evidence tells what: residuals count as
+    That something is wrong is known then, and less evidence shows what: residuals count as
     correlated where P < UNLIKELY already (`correlated_below`).
     Of few (below SURE) the test of (a) misses what is wrong: there chi^2/freedom > RATIO wants
     residuals that look uncorrelated (P >= DOUBTFUL), else the model does not describe the data.
@@ -58,11 +58,11 @@ FEW, MOST_OFF, FAR = 0.02, 10, 5.0
 
 
 class Misfit(Enum):
-    """What residuals are, beside the noise that is stated."""
+    """What residuals are, besides the noise that is stated."""
 
     #: What the stated noise explains, or nearly.
     NONE = "none"
-    #: Correlated, but small beside the largest amplitude.
+    #: Correlated, but small against the largest amplitude.
     CORRELATED = "correlated"
     #: Uncorrelated, and larger than the noise.
     UNDERESTIMATED = "underestimated"

@@ -1,4 +1,4 @@
-"""Laboratory traces to numbers: noise floor, amplitude at known tones, resonance of a sweep.
+"""Laboratory traces to numbers: noise floor, amplitude at known tones.
 
 Works on plain arrays in Hz and volts (or whatever unit the detector was declared in).
 """
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import hertz, how_many
 
@@ -73,11 +73,7 @@ def noise_floor(
     Raises:
         BadInput: too few points away from the tones.
     """
-    away = np.ones(frequency_hz.size, dtype=bool)
-    for tone in tones_hz:
-        nearest = int(np.argmin(np.abs(frequency_hz - tone)))
-        away[max(0, nearest - GUARD_POINTS) : nearest + GUARD_POINTS + 1] = False
-    quiet = amplitude_v[away]
+    quiet = amplitude_v[_away(frequency_hz, tones_hz)]
     if quiet.size < MIN_FLOOR_POINTS:
         raise BadInput(
             f"{source}: {how_many(quiet.size, 'point')} more than {GUARD_POINTS} points away from "
@@ -150,7 +146,7 @@ def unknown_line(
 ) -> tuple[float, float] | None:
     """The largest line of a spectrum at none of the known frequencies: (Hz, amplitude), or None.
 
-    Told where noise alone reaches that height at any of the points less often than `CHANCE`:
+    Returned where noise alone reaches that height at any of the points less often than `CHANCE`:
     a > sigma sqrt(2 ln(n/CHANCE)) for n Rayleigh-distributed magnitudes.
 
     Args:
@@ -158,11 +154,7 @@ def unknown_line(
         amplitude_v: amplitudes (n,), any unit.
         known_hz: lines that are expected, Hz.
     """
-    away = np.ones(frequency_hz.size, dtype=bool)
-    for tone in known_hz:
-        nearest = int(np.argmin(np.abs(frequency_hz - tone)))
-        away[max(0, nearest - GUARD_POINTS) : nearest + GUARD_POINTS + 1] = False
-    rest = np.flatnonzero(away)
+    rest = np.flatnonzero(_away(frequency_hz, known_hz))
     if rest.size < MIN_FLOOR_POINTS:
         return None
     sigma = float(np.median(amplitude_v[rest])) / RAYLEIGH_MEDIAN
@@ -170,6 +162,15 @@ def unknown_line(
     if not amplitude_v[top] > sigma * math.sqrt(2.0 * math.log(rest.size / CHANCE)):
         return None
     return float(frequency_hz[top]), float(amplitude_v[top])
+
+
+def _away(frequency_hz: FloatArray, tones_hz: Sequence[float]) -> BoolArray:
+    """Which points are away from every tone, (n,)."""
+    away = np.ones(frequency_hz.size, dtype=np.bool_)
+    for tone in tones_hz:
+        nearest = int(np.argmin(np.abs(frequency_hz - tone)))
+        away[max(0, nearest - GUARD_POINTS) : nearest + GUARD_POINTS + 1] = False
+    return away
 
 
 def _check_inside(frequency_hz: FloatArray, tone_hz: float, source: str) -> None:

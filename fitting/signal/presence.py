@@ -1,6 +1,6 @@
 """Do curves show a response at all? In noise alone a fit finds something, and holds it.
 
-Without the response a constant describes a curve, or what is declared beside it. With it the
+Without the response a constant describes a curve, or what is declared next to it. With it the
 squares are less by
 
     gain = sum (flat^2 - left^2)/sigma^2        P(chi^2_k > gain)        the noise is stated
@@ -35,7 +35,7 @@ def chance(flat: FloatArray, left: FloatArray, sigma: FloatArray, unknowns: int)
         flat: rows without the response, shape (m,).
         left: rows that the fit leaves, shape (m,).
         sigma: standard deviations, (m,); 0: not known.
-        unknowns: of the response, k. As many as there are rows tell nothing.
+        unknowns: of the response, k. As many as there are rows determine nothing.
     """
     if np.all(sigma > 0.0):
         gain = float(np.sum((flat / sigma) ** 2 - (left / sigma) ** 2))

@@ -70,7 +70,7 @@ class Interpolation:
         return np.asarray(self._alone.at(frequency_hz).uncertainty[0])
 
     def wanted_hz(self, frequency_hz: FloatArray) -> tuple[float, float]:
-        """Where two further values tell most: a support and another, at two of many frequencies.
+        """Where two further values determine most: a support and another, of many frequencies.
 
         The most uncertain place and the top of the curve; where that is known, the most uncertain
         place beyond the next values.
@@ -196,5 +196,5 @@ def _null_vectors(equations: ComplexArray) -> ComplexArray:
         matrices = equations / size[..., np.newaxis, :]
     usable = np.all(np.isfinite(matrices), axis=(-2, -1))
     matrices = np.where(usable[..., np.newaxis, np.newaxis], matrices, 0.0)
-    found = np.linalg.svd(matrices)[2][..., -1, :].conj() / size
-    return np.asarray(np.where(usable[..., np.newaxis], found, np.nan))
+    vectors = np.linalg.svd(matrices)[2][..., -1, :].conj() / size
+    return np.asarray(np.where(usable[..., np.newaxis], vectors, np.nan))

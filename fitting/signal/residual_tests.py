@@ -36,7 +36,7 @@ MOST_LEVERAGE = 1.0 - 1e-6
 MOST_EXPLAINED = 1e-7
 #: Of a map, noise of one size is drawn so often for what it does to errors by chance; the seed.
 DRAWS, SEED = 400, 20
-#: What residuals do that are not noise of one size, as all sentences say it.
+#: What residuals do that are not noise of one size, as all sentences put it.
 TOGETHER, UNEQUAL = "are correlated", "are heteroscedastic"
 #: Widening of the errors from which it is reported: what would be printed as one is not.
 NOTABLE = 1.05
@@ -74,12 +74,27 @@ class Structure:
     @property
     def found(self) -> tuple[str, ...]:
         """What the residuals do that noise of one size does not, in words."""
-        return tuple(words for words, _, _ in _deviations(self.p_value, self.sizes_p))
+        return tuple(words for words, _, _ in self._deviations)
+
+    @property
+    def departure(self) -> str:
+        """The same with the probabilities of it."""
+        words = (f"{words} ({probability(p)} for {noise})" for words, p, noise in self._deviations)
+        return " and ".join(words)
+
+    @property
+    def _deviations(self) -> list[tuple[str, float, str]]:
+        """What they do, how probably, and of which noise."""
+        tests = (
+            (TOGETHER, self.p_value, "white noise"),
+            (UNEQUAL, self.sizes_p, "noise of one size"),
+        )
+        return [test for test in tests if test[1] < STRUCTURED]
 
     def beyond(self, square: float) -> Structure:
         """The same of residuals whose noise is stated: where correlated, they count as they are.
 
-        The effective sample size says how many points there are, not how large the residuals are.
+        The effective sample size is how many points there are, not how large the residuals are.
 
         Args:
             square: chi square by the stated noise over its degrees of freedom.
@@ -91,28 +106,6 @@ class Structure:
             widening=self.widening * excess,
             together=self.together * excess,
         )
-
-    @property
-    def departure(self) -> str:
-        """What they do, with the probabilities of it."""
-        return found_words(self.p_value, self.sizes_p)
-
-
-def found_words(p_value: float, sizes_p: float) -> str:
-    """What residuals do that noise of one size does not, with the probabilities of it.
-
-    Args:
-        p_value: of the test against white noise.
-        sizes_p: of the test against one size.
-    """
-    found = _deviations(p_value, sizes_p)
-    return " and ".join(f"{words} ({probability(p)} for {noise})" for words, p, noise in found)
-
-
-def _deviations(p_value: float, sizes_p: float) -> list[tuple[str, float, str]]:
-    """What residuals do that noise of one size does not, how probably, and of which noise."""
-    tests = ((TOGETHER, p_value, "white noise"), (UNEQUAL, sizes_p, "noise of one size"))
-    return [test for test in tests if test[1] < STRUCTURED]
 
 
 def residual_structure(
@@ -127,10 +120,10 @@ def residual_structure(
 
     They are shares of the peak. Where p < 0.01 (`white_noise_p`) their correlation matrix R is
     that of an autoregressive process (`autoregression`). With U an orthonormal basis of the n
-    columns of the jacobian (m, n), what is solved for besides projected out of them (nobody asks
+    columns of the jacobian (m, n), what is solved for besides projected out of them (of no interest
     for the error of a curve's own scale), and lambda the largest eigenvalue of K = U^T R U, in no
     direction is the true variance (J^T J)^-1 J^T R J (J^T J)^-1 more than lambda times what
-    (J^T J)^-1 says, and the residual variance, too small by (m - tr K)/(m - n), is corrected:
+    (J^T J)^-1 is, and the residual variance, too small by (m - tr K)/(m - n), is corrected:
 
         widening^2 = lambda (m - n)/(m - tr K),   points = n + (m - n)/widening^2
 
@@ -142,7 +135,7 @@ def residual_structure(
         K = V^T diag(e^2/(1 - h)^2) V,   widening^2 = lambda (m - n)/sum r^2
 
     if that is more. The largest of several eigenvalues of squares as they are is above one for
-    noise of one size, too: of a map, whose few high points tell all, lambda/sum e^2 is compared
+    noise of one size, too: of a map, whose few high points decide all, lambda/sum e^2 is compared
     with 400 draws of it. Where one draw in a hundred has as much, sizes change no errors; else
     widening^2 is their ratio, the median of the draws below, unless residuals are correlated. (Of
     single curves the draws would hide what does harm: 40 points with 1 % of each as noise.) Errors
@@ -151,7 +144,7 @@ def residual_structure(
     Args:
         residuals: shares of the peak, shape (m,), in the order of the sweep.
         jacobian: their derivatives by what was fitted, shape (m, n).
-        nuisance: their derivatives by what was solved for besides, whose errors nobody asks for,
+        nuisance: their derivatives by what was solved for besides, whose errors are not printed,
             shape (m, k); None: nothing.
         stretches: likewise of rows that follow each other, each with unknowns of its own, shapes
             (m_j, k_j) with all m_j together m; none: nothing.
@@ -163,16 +156,19 @@ def residual_structure(
     MacKinnon and White, J. Econometrics 29 (1985) 305; the largest generalised effect of Rao and
     Scott, J. Am. Stat. Assoc. 76 (1981) 221.
     """
-    beside = np.empty((residuals.size, 0)) if nuisance is None else nuisance
-    m, n = residuals.size, jacobian.shape[1] + beside.shape[1] + sum(s.shape[1] for s in stretches)
+    nuisance = np.empty((residuals.size, 0)) if nuisance is None else nuisance
+    m, n = (
+        residuals.size,
+        jacobian.shape[1] + nuisance.shape[1] + sum(s.shape[1] for s in stretches),
+    )
     noise = math.sqrt(float(np.mean(residuals**2)))
     plain = Structure(
         p_value=1.0, sizes_p=1.0, order=0, points=float(m), widening=1.0, together=1.0
     )
     if noise < SMALLEST_RESIDUAL:
         return plain
-    p_value, slopes = white_noise_p(residuals), _Slopes.of(jacobian, beside, stretches)
-    if m <= n or slopes.asked.shape[1] == 0:  # nothing is left, or no column sees anything
+    p_value, slopes = white_noise_p(residuals), _Slopes.of(jacobian, nuisance, stretches)
+    if m <= n or slopes.requested.shape[1] == 0:  # nothing is left, or no column sees anything
         return replace(plain, p_value=p_value)
     coefficients, news, sizes_p = _whitened(residuals, slopes, p_value)
     unequal = sizes_p < STRUCTURED or (
@@ -203,17 +199,17 @@ def residual_structure(
 
 @dataclass(frozen=True)
 class _Slopes:
-    """Orthonormal bases: `stretches` of rows, each with slopes of its own, `beside` and `asked`.
+    """Orthonormal bases: `stretches` of rows with slopes of their own, `nuisance`, `requested`.
 
-    `beside` (m, k) are slopes of what is solved for besides in all rows, `asked` (m, q) those with
-    errors to tell. What stands before is projected out of each (Frisch, Waugh, Lovell): estimates
+    `nuisance` (m, k) are slopes of what is solved for besides in all rows, `requested` (m, q) those
+    with errors. What comes before is projected out of each (Frisch, Waugh, Lovell): estimates
     of what is asked are sums of residuals over the last ones alone. Many stretches are never an
     array of all rows and all their unknowns.
     """
 
     stretches: tuple[FloatArray, ...]
-    beside: FloatArray
-    asked: FloatArray
+    nuisance: FloatArray
+    requested: FloatArray
 
     @classmethod
     def of(
@@ -225,15 +221,17 @@ class _Slopes:
         if not each and not nuisance.shape[1]:
             return cls((), nuisance, _basis(jacobian))
         apart = _apart(nuisance, lambda unit: _less(each, unit)) if each else nuisance
-        beside = _basis(apart)
+        nuisance = _basis(apart)
         return cls(
-            each, beside, _basis(_apart(jacobian, lambda unit: _less((beside,), _less(each, unit))))
+            each,
+            nuisance,
+            _basis(_apart(jacobian, lambda unit: _less((nuisance,), _less(each, unit)))),
         )
 
     @cached_property
     def whole(self) -> FloatArray:
         """Basis of all slopes but those of stretches, (m, k + q)."""
-        return np.column_stack([self.beside, self.asked])
+        return np.column_stack([self.nuisance, self.requested])
 
     def left(self, values: FloatArray) -> FloatArray:
         """What a fit leaves of values (m,)."""
@@ -241,8 +239,8 @@ class _Slopes:
 
     @property
     def of_map(self) -> bool:
-        """Whether something is solved for whose errors nobody asks for."""
-        return int(self.beside.shape[1]) > 0
+        """Whether something is solved for whose errors are not printed."""
+        return int(self.nuisance.shape[1]) > 0
 
     @cached_property
     def leverage(self) -> FloatArray:
@@ -266,8 +264,8 @@ def _apart(columns: FloatArray, without: Callable[[FloatArray], FloatArray]) -> 
     """Columns (m, n) of length one, what others make of them taken out, where more is left."""
     sizes = np.linalg.norm(columns, axis=0)
     left = without(columns / np.where(sizes > 0.0, sizes, 1.0))
-    gone = np.linalg.norm(left, axis=0) < MOST_EXPLAINED  # what is left of it is rounding
-    return left[:, ~gone]
+    explained = np.linalg.norm(left, axis=0) < MOST_EXPLAINED  # what is left of it is rounding
+    return left[:, ~explained]
 
 
 def _unequal(
@@ -283,12 +281,12 @@ def _unequal(
         slopes: of what was fitted.
         coefficients: of the autoregression.
     """
-    coloured = _coloured(coefficients, slopes.asked)
+    coloured = _coloured(coefficients, slopes.requested)
     weights = 1.0 / (1.0 - slopes.leverage)
 
     def worst(e: FloatArray) -> float:
-        seen = (e * weights)[:, None] * coloured
-        return float(np.linalg.eigvalsh(seen.T @ seen)[-1])
+        scaled = (e * weights)[:, None] * coloured
+        return float(np.linalg.eigvalsh(scaled.T @ scaled)[-1])
 
     plain = worst(news) / float(residuals @ residuals)
     if not slopes.of_map:
@@ -297,12 +295,12 @@ def _unequal(
     noise = (rng.standard_normal(news.size) for _ in range(DRAWS))
     left = map(slopes.left, noise)
     drawn = np.array([worst(e) / float(e @ e) for e in left])
-    found = worst(news) / float(news @ news)
-    by_chance = (1.0 + np.count_nonzero(drawn >= found)) / (1.0 + DRAWS)
+    share = worst(news) / float(news @ news)
+    by_chance = (1.0 + np.count_nonzero(drawn >= share)) / (1.0 + DRAWS)
     if by_chance >= STRUCTURED:
         return 0.0, 0.0
     freedom = news.size - slopes.whole.shape[1] - sum(s.shape[1] for s in slopes.stretches)
-    beyond = found / (float(np.median(drawn)) * freedom)
+    beyond = share / (float(np.median(drawn)) * freedom)
     return plain if coefficients.size else beyond, float(by_chance)
 
 
@@ -311,10 +309,10 @@ def _whitened(
 ) -> tuple[FloatArray, FloatArray, float]:
     """Autoregression of residuals that are correlated, what it leaves, and whether of one size."""
     if p_value >= STRUCTURED:
-        return np.zeros(0), residuals, one_size_p(residuals, slopes.asked, slopes.leverage)
+        return np.zeros(0), residuals, one_size_p(residuals, slopes.requested, slopes.leverage)
     coefficients, news = innovations(residuals)
     first = coefficients.size  # what stands before these is not known
-    known = one_size_p(news[first:], slopes.asked[first:], slopes.leverage[first:])
+    known = one_size_p(news[first:], slopes.requested[first:], slopes.leverage[first:])
     return coefficients, news, known
 
 
@@ -336,23 +334,18 @@ def _basis(jacobian: FloatArray) -> FloatArray:
     return left[:, singular > singular[0] * np.finfo(float).eps * jacobian.shape[0]]
 
 
-def _leverage(basis: FloatArray) -> FloatArray:
-    """Share of every residual that the fit takes away, (m,), below one."""
-    return np.asarray(np.minimum(np.sum(basis**2, axis=1), MOST_LEVERAGE))
-
-
 def _correlated(coefficients: FloatArray, slopes: _Slopes, freedom: int) -> float:
     """Square of the widening, at least 1, for residuals that follow an autoregression."""
     if not coefficients.size:
         return 1.0
-    m, q = slopes.asked.shape
+    m, q = slopes.requested.shape
     lags = autocorrelation(coefficients, m)
     effect = slopes.whole.T @ matmul_toeplitz(lags, slopes.whole)
     taken = float(np.trace(effect))
     for each in slopes.stretches:
         if each.shape[1]:
             taken += float(np.sum(each * matmul_toeplitz(lags[: len(each)], each)))
-    worst = float(np.linalg.eigvalsh(effect[-q:, -q:])[-1])  # those that are asked for stand last
+    worst = float(np.linalg.eigvalsh(effect[-q:, -q:])[-1])  # those that are requested come last
     return float(max(1.0, worst * freedom / max(m - taken, 1.0)))
 
 
@@ -370,14 +363,15 @@ def one_size_p(
     Args:
         residuals: that follow no pattern, shape (m,), any unit.
         basis: U, orthonormal, of the slopes of what was fitted, shape (m, n).
-        leverage: h, shape (m,), where more was fitted than U tells; None: it tells all.
+        leverage: h, shape (m,), where more was fitted than U has; None: it has all.
 
     Source: H. White, Econometrica 48 (1980) 817, R. Koenker, J. Econometrics 17 (1981) 107; the
     power by E. Wilson and M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931) 684.
     """
     if _lags(residuals.size) < 2:
         return 1.0
-    leverage = _leverage(basis) if leverage is None else leverage
+    if leverage is None:
+        leverage = np.minimum(np.sum(basis**2, axis=1), MOST_LEVERAGE)
     sizes = (np.abs(residuals) / np.sqrt(1.0 - leverage)) ** NORMAL_POWER
     one, two = np.tril_indices(basis.shape[1])
     if one.size * residuals.size > MOST_PRODUCTS:

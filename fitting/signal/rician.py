@@ -20,11 +20,11 @@ from scipy.special import i0e, i1e
 from fitting.signal.roughness import DIFFERENCES, MEDIAN_OF_NORMAL, WEIGHT, roughness
 from fitting.text.arrays import FloatArray
 
-#: Samples of a stretch over which noise and size are told apart, at least, and stretches at most.
+#: Samples of a stretch that distinguishes noise and size, at least, and stretches at most.
 STRETCH, STRETCHES = 16, 20
 #: How often sizes and noise are taken from each other: of stretches, of single points.
 ROUNDS, SETTLING = 4, 12
-#: Sizes over noise between which a stretch tells its own, and how many are looked at.
+#: Sizes over noise between which a stretch determines its own, and how many are looked at.
 FAINT, LOUD, KNOTS = 0.3, 1e7, 400
 
 
@@ -68,7 +68,7 @@ def rician_deviation(ratio: FloatArray) -> FloatArray:
 
 
 def quadrature_noise(values: FloatArray) -> float:
-    """Noise s of each quadrature of magnitudes along a curve; 0 where too few tell it.
+    """Noise s of each quadrature of magnitudes along a curve; 0 where too few determine it.
 
     Fourth differences leave the deviations of R, which are less than s where nu is small: most
     points of a sweep may lie there, while its lines lie far above.
@@ -76,15 +76,15 @@ def quadrature_noise(values: FloatArray) -> float:
     Args:
         values: magnitudes, one after the other along the curve, (n,).
     """
-    found = roughness(values)
-    if not found > 0.0:
-        return found
+    noise = roughness(values)
+    if not noise > 0.0:
+        return noise
     power = np.convolve(values**2, np.full(DIFFERENCES + 1, 1.0 / (DIFFERENCES + 1)), "valid")
     bends = np.abs(np.diff(values, DIFFERENCES)) / WEIGHT
     for _ in range(SETTLING):
-        lengths = np.sqrt(np.maximum(power / found**2 - 2.0, 0.0))
-        found = float(np.median(bends / rician_deviation(lengths))) / MEDIAN_OF_NORMAL
-    return found
+        lengths = np.sqrt(np.maximum(power / noise**2 - 2.0, 0.0))
+        noise = float(np.median(bends / rician_deviation(lengths))) / MEDIAN_OF_NORMAL
+    return noise
 
 
 @dataclass(frozen=True)
@@ -100,10 +100,10 @@ class Scatter:
 
 
 def scatter_of(values: FloatArray) -> Scatter:
-    """What the scatter of amplitudes tells of their noise.
+    """What the scatter of amplitudes shows of their noise.
 
-    In every stretch the mean square, nu^2 + 2 s^2, and the variance from sample to sample tell s;
-    with the median of these the mean squares tell nu/s. The variances over what they then should
+    In every stretch the mean square, nu^2 + 2 s^2, and the variance from sample to sample give s;
+    with the median of these the mean squares give nu/s. The variances over what they then should
     be give s anew, from all samples alike.
 
     Args:
@@ -119,8 +119,8 @@ def scatter_of(values: FloatArray) -> Scatter:
     shares = rician_deviation(np.exp(logs)) ** 2
     rising = np.log((np.exp(2.0 * logs) + 2.0) / shares)
     smallest = np.finfo(float).tiny
-    seen = np.log(np.maximum(power, smallest) / np.maximum(variance, smallest))
-    noise = float(np.median(variance / np.exp(np.interp(seen, rising, np.log(shares)))))
+    observed = np.log(np.maximum(power, smallest) / np.maximum(variance, smallest))
+    noise = float(np.median(variance / np.exp(np.interp(observed, rising, np.log(shares)))))
     middles = 0.5 * (edges[:-1] + edges[1:])
     for _ in range(ROUNDS):
         squares = np.maximum(power / max(noise, smallest) - 2.0, FAINT**2)

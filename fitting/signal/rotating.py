@@ -8,14 +8,14 @@ a filter that is slower than a period, it shows
 Samples of the response to one pulse, shifted against each other, span all exp(s_k t) and their
 conjugates. From sample to sample this span turns by a matrix F whose eigenvalues are exp(s_k h):
 those that turn forwards belong to z, their conjugates do not. A Schur form parts both whatever
-lines lie beside each other, also where two of them meet. No period has to be resolved: f h may be
+lines lie next to each other, also where two of them meet. No period has to be resolved: f h may be
 any number of turns, if only f and -f differ from sample to sample.
 
-From one sampling nobody tells which of exp(s_k h) and its conjugate turns forwards where a line is
+One sampling does not show which of exp(s_k h) and its conjugate turns forwards where a line is
 not close to f: a line below f, seen every h, turns as the reverse of one above it. A second, short
 response whose samples lie further apart by a part e of a period, 1/(8 f) to 1/2f, does: between
 them exp(s_k (h + e)) is ahead of exp(s_k h) by f_k e turns, and behind it where it turns backwards.
-That tells where the line is, too: its offset from f is (turns ahead)/e - f.
+That gives where the line is, too: its offset from f is (turns ahead)/e - f.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 #: Samples of a run between two of the record, at most.
 MOST_BETWEEN = 64
 #: How far f and -f are wanted apart from sample to sample, in turns, times the samples between two
-#: of the record: lines half a sampling rate of the record beside f are on their own side then.
+#: of the record: lines half a sampling rate of the record next to f are on their own side then.
 APART = 1.0
 #: Turns of the reference by which samples of the second response lie further apart: one of them
 #: keeps that one's turn and its reverse apart. No multiple of a line looks like the line in them.
@@ -41,7 +41,7 @@ AHEAD = (0.1381, 0.3573)
 NEAR_REVERSE = 0.1
 #: Samples of the second response, and by how many of them it is shifted against itself.
 SENSED, SENSED_SHIFTS = 96, 24
-#: Share of a turn to which both responses tell where a line is: what is left of lines that meet.
+#: Share of a turn to which both responses determine a line: the remainder of lines that meet.
 SURE = 1e-5
 #: Singular values below this share of the largest are rounding, and states of an FMU at most.
 ROUNDING, MOST_STATES = 1e-11, 16
@@ -92,7 +92,7 @@ class Reference:
 
 
 def reference(frequency_hz: float, spacing_s: float) -> Reference:
-    """A reference with as many samples of a run as tell its sense of rotation.
+    """A reference with as many samples of a run as determine its sense of rotation.
 
     Args:
         frequency_hz: of the demodulator, Hz.
@@ -106,8 +106,8 @@ def reference(frequency_hz: float, spacing_s: float) -> Reference:
 
 def _apart(turn: float) -> float:
     """How far a turn and its reverse are apart, in turns, of 0 to 1/2."""
-    twice = 2.0 * turn % 1.0
-    return min(twice, 1.0 - twice)
+    both = 2.0 * turn % 1.0
+    return min(both, 1.0 - both)
 
 
 def rotating_responses(
@@ -129,26 +129,26 @@ def rotating_responses(
         count: how many lines are seen: those nearest to the reference.
     """
     rows = (samples - 1) * reference.between + 1
-    basis, turned = _propagated(decay, shifts, rows, count)
+    basis, forward = _propagated(decay, shifts, rows, count)
     own = np.arange(SENSED_SHIFTS, dtype=np.intp)
     _, sensing = _propagated(sensed, own, sensed.size - SENSED_SHIFTS + 1, count)
-    beside = np.linalg.eigvals(sensing).astype(complex)
-    found = np.zeros((samples, count), dtype=complex)
-    distances = np.sort(_distances(np.linalg.eigvals(turned).astype(complex), beside, reference))
+    second = np.linalg.eigvals(sensing).astype(complex)
+    columns = np.zeros((samples, count), dtype=complex)
+    distances = np.sort(_distances(np.linalg.eigvals(forward).astype(complex), second, reference))
     mine = distances[np.isfinite(distances)][: count + 1]
     if mine.size:
         limit = np.inf
         if mine.size > count:  # the last that is seen may meet the first that is not
             limit = max(float(np.mean(mine[-2:])), float(mine[-2]) * (1.0 + 1e-9) + 1e-12)
         _, shapes, kept = schur(
-            turned.astype(complex),
+            forward.astype(complex),
             output="complex",
-            sort=lambda z: bool(_distances(np.atleast_1d(z), beside, reference)[0] < limit),
+            sort=lambda z: bool(_distances(np.atleast_1d(z), second, reference)[0] < limit),
         )
         kept = min(kept, count)
         back = reference.backwards(samples)[:, None]
-        found[:, :kept] = back * (basis[:: reference.between] @ shapes[:, :kept])
-    return found
+        columns[:, :kept] = back * (basis[:: reference.between] @ shapes[:, :kept])
+    return columns
 
 
 def _propagated(
@@ -174,31 +174,31 @@ def _states(singular: FloatArray, least: int) -> int:
     return begin + int(np.argmax(falls[begin - 1 : max(clear, begin)]))
 
 
-def _distances(z: ComplexArray, beside: ComplexArray, reference: Reference) -> FloatArray:
+def _distances(z: ComplexArray, second: ComplexArray, reference: Reference) -> FloatArray:
     """How far the lines of factors z are from the reference, Hz; of what turns backwards infinite.
 
     Args:
         z: factors from sample to sample of a run, (m,).
-        beside: the same of the second response, (k,).
+        second: the same of the second response, (k,).
         reference: of the demodulator.
     """
-    forwards, backwards = (_as_if_forwards(x, beside, reference) for x in (z, np.conj(z)))
+    forwards, backwards = (_as_if_forwards(x, second, reference) for x in (z, np.conj(z)))
     return np.where(forwards <= backwards, forwards, np.inf)
 
 
-def _as_if_forwards(z: ComplexArray, beside: ComplexArray, reference: Reference) -> FloatArray:
+def _as_if_forwards(z: ComplexArray, second: ComplexArray, reference: Reference) -> FloatArray:
     """How far lines would be from the reference if their factors z turned forwards, Hz.
 
-    A pair of both responses tells the offset from how much one is ahead, and its last digits anew
+    A pair of both responses gives the offset from how much one is ahead, and its last digits anew
     from z, but for multiples of the sampling: pairs of two different lines differ there.
 
     Args:
         z: factors from sample to sample of a run, (m,).
-        beside: the same of the second response, (k,).
+        second: the same of the second response, (k,).
         reference: of the demodulator.
     """
     turns = float(reference.frequency_hz * reference.step_s)
-    ahead = _wrapped((np.angle(beside) - np.angle(z)[:, None]) / (2.0 * np.pi) - reference.ahead)
+    ahead = _wrapped((np.angle(second) - np.angle(z)[:, None]) / (2.0 * np.pi) - reference.ahead)
     coarse = ahead * turns / reference.ahead
     off = _wrapped(np.angle(z) / (2.0 * np.pi) - reference.turn)[:, None]
     sure = SURE * (1.0 + turns)

@@ -8,17 +8,17 @@ from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Differences of this order leave noise alone where a curve is resolved; its weight on white noise.
 DIFFERENCES, WEIGHT = 4, float(np.sqrt(70.0))
-#: Curves with fewer points say nothing of their noise by themselves.
+#: Curves with fewer points do not show their noise by themselves.
 LEAST_FOR_NOISE = 50
 #: Degrees of freedom that an estimate has of each point beyond the differences: neighbouring ones
-#: are correlated, and their median tells less than their squares would.
+#: are correlated, and their median determines less than their squares would.
 FREEDOM = 0.2
 #: Median of |x| of a normal distribution of unit variance.
 MEDIAN_OF_NORMAL = 0.6744897501960817
 
 
 def roughness(values: FloatArray | ComplexArray) -> float:
-    """Standard deviation of values about a smooth curve; 0 where too few points tell it.
+    """Standard deviation of values about a smooth curve; 0 where too few points determine it.
 
     Median of |fourth differences|, of complex values that of both quadratures.
 

@@ -20,14 +20,14 @@ SCALES = ("maximum", "fit", "robust", "free", "none")
 #: Points used by the fine interpolation (degree four) and by the coarse one (degree two).
 FINE_POINTS = 5
 COARSE_POINTS = 3
-#: Two orders may agree by chance: the cubics through four of the five points have a say as well,
+#: Two orders may agree by chance: the cubics through four of the five points count as well,
 #: and as close as they are to the quartic they count this many times.
 CHANCE = 5.0
 #: Points above this share of the largest one count as the top of a measured resonance.
 TOP_SHARE = 0.7
-#: Points of that top, at least, an odd number; as many at a time beside it tell the noise, too.
+#: Points of that top, at least, an odd number; as many at a time next to it show the noise, too.
 FEWEST = 5
-#: Share of the largest point below which a point is too faint to tell it.
+#: Share of the largest point below which a point is too faint to show it.
 FAINT = 0.15
 #: Curvature of 1/A^2 over the fitted points that is rounding: such a parabola has its top anywhere.
 FLAT = 1e-12
@@ -58,7 +58,7 @@ class LaboratoryMaximum:
     `value_v` is the largest point (Algorithm 1 as written); `fitted_v` the top of a parabola
     through 1/A^2 of the points above 70 % of it; `scatter` the relative standard deviation of
     those points about the parabola; `noise` that of any point of the sweep, from `freedom` degrees
-    of freedom: `scatter`, or more where the points beside the top scatter more; `bias` =
+    of freedom: `scatter`, or more where the points next to the top scatter more; `bias` =
     value/fitted - 1, what noise (positive) and grid (negative) did to the largest point; `bias_std`
     the statistical error of `bias`. Where no top can be fitted `fitted_v` and `bias` are NaN.
     `fall` is the drop to the lower neighbour, as a share; `on_edge`: the largest point is the first
@@ -135,17 +135,13 @@ def refine_maximum(
         )
     k = int(np.argmax(a))
     if k in (0, f.size - 1):
-        return Maximum(
-            value=float(a[k]), frequency_hz=float(f[k]), bias=float("inf"), bracketed=False
-        )
+        return Maximum(value=float(a[k]), frequency_hz=float(f[k]), bias=math.inf, bracketed=False)
     if f.size == COARSE_POINTS and bend is not None:
         return _of_three(f, a, bend)
     try:
         return _of_many(f, a, k)
     except np.linalg.LinAlgError:  # two points are one but for rounding: nothing is known between
-        return Maximum(
-            value=float(a[k]), frequency_hz=float(f[k]), bias=float("inf"), bracketed=True
-        )
+        return Maximum(value=float(a[k]), frequency_hz=float(f[k]), bias=math.inf, bracketed=True)
 
 
 def _of_many(f: FloatArray, a: FloatArray, k: int) -> Maximum:
@@ -154,9 +150,12 @@ def _of_many(f: FloatArray, a: FloatArray, k: int) -> Maximum:
     t_fine, y_fine = _lowest(f, a, k, min(FINE_POINTS, f.size), t_coarse)
     h = 0.5 * (f[k + 1] - f[k - 1])
     bias = abs(float(np.sqrt(y_fine / y_coarse)) - 1.0)
-    for y in _cubics(f, a, k, t_coarse):
-        bias = max(bias, CHANCE * abs(float(np.sqrt(y_fine / y)) - 1.0))
-    if f.size < FINE_POINTS:  # two fits through so few points can agree by symmetry alone
+    if f.size >= FINE_POINTS:  # the two cubics that leave out an end of the five points
+        low = min(max(k - FINE_POINTS // 2, 0), f.size - FINE_POINTS)
+        for first in (low, low + 1):
+            _, y = _lowest(f, a, k, FINE_POINTS - 1, t_coarse, first)
+            bias = max(bias, CHANCE * abs(float(np.sqrt(y_fine / y)) - 1.0))
+    else:  # two fits through so few points can agree by symmetry alone
         bias = max(bias, float(a[k] / min(a[k - 1], a[k + 1])) - 1.0)
     return Maximum(
         value=float(a[k] / np.sqrt(y_fine)),
@@ -193,7 +192,7 @@ def bend_of(frequency_hz: FloatArray, amplitude: FloatArray) -> tuple[float, Flo
         amplitude: amplitudes (n,), V peak.
     """
     if not np.all(amplitude > 0.0):
-        return float("inf"), np.zeros(5)
+        return math.inf, np.zeros(5)
     t = frequency_hz - frequency_hz[2]
     scale = float(t[-1])
     y = (float(np.max(amplitude)) / amplitude) ** 2
@@ -202,15 +201,7 @@ def bend_of(frequency_hz: FloatArray, amplitude: FloatArray) -> tuple[float, Flo
     polynomial = np.polynomial.Polynomial(c)
     second = float(polynomial.deriv(2)(t[int(np.argmin(y))]))
     third = float(np.max(np.abs(polynomial.deriv(3)(t))))
-    return (third / second if second > 0.0 else float("inf")), np.asarray(c, dtype=np.float64)
-
-
-def _cubics(f: FloatArray, a: FloatArray, k: int, guess: float) -> list[float]:
-    """Minima y of the two cubics about k that leave out an end of the five points."""
-    if f.size < FINE_POINTS:
-        return []
-    low = min(max(k - FINE_POINTS // 2, 0), f.size - FINE_POINTS)
-    return [_lowest(f, a, k, FINE_POINTS - 1, guess, low + shift)[1] for shift in (0, 1)]
+    return (third / second if second > 0.0 else math.inf), np.asarray(c, dtype=np.float64)
 
 
 def _lowest(
@@ -249,7 +240,7 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
 
     A parabola in (f - f_k) is fitted to 1/A^2 of the points above 70 % of the largest, weighted by
     A^3 (equal errors of A). Where these are fewer than five, it is fitted to the five nearest:
-    through three it would tell no scatter.
+    through three it would show no scatter.
 
     Args:
         frequency_hz: shape (n,).
@@ -267,13 +258,12 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     k = int(np.argmax(a))
     on_edge = k in (0, f.size - 1)
     fall = 1.0 - float(np.min(a[max(0, k - 1) : k + 2]) / a[k]) if a[k] > 0.0 else 0.0
-    nan = float("nan")
     plain = LaboratoryMaximum(
         value_v=float(a[k]),
         frequency_hz=float(f[k]),
-        fitted_v=nan,
+        fitted_v=math.nan,
         scatter=0.0,
-        bias=nan,
+        bias=math.nan,
         bias_std=0.0,
         fall=fall,
         on_edge=on_edge,
@@ -285,10 +275,10 @@ def laboratory_maximum(frequency_hz: FloatArray, amplitude_v: FloatArray) -> Lab
     if np.count_nonzero(top) < 3 or not np.all(a[top] > 0.0):
         return plain
     relative = a / a[k]
-    found = _parabola(f[top] - f[k], relative[top])
-    if found is None:
+    parabola = _parabola(f[top] - f[k], relative[top])
+    if parabola is None:
         return plain
-    lowest, residuals = found
+    lowest, residuals = parabola
     freedom = max(residuals.size - 3, 1)
     scatter = float(np.sqrt(np.sum(residuals**2) / freedom))
     noise, freedom = _noise(f, relative, top, scatter)
@@ -328,7 +318,7 @@ def _noise(
 ) -> tuple[float, int]:
     """Noise of a point relative to the largest one, and its degrees of freedom.
 
-    Few points of a top scatter little now and then. So do the next ones beside it, five at a time:
+    Few points of a top scatter little now and then. So do the next ones, five at a time:
     of a resonance their 1/A^2 is a parabola, too. Their median is not moved by another line. The
     top's own scatter stands where it is more: noise may grow with the amplitude.
     """
@@ -340,18 +330,18 @@ def _noise(
     ]
     squares = []
     for window in (slice(low, low + FEWEST) for low in starts):
-        found = None
+        parabola = None
         if np.all(relative[window] >= FAINT):
-            found = _parabola(f[window] - f[window].mean(), relative[window])
-        if found is not None:
-            squares.append(float(np.sum(found[1] ** 2)) / (FEWEST - 3))
-    beside = len(squares)
+            parabola = _parabola(f[window] - f[window].mean(), relative[window])
+        if parabola is not None:
+            squares.append(float(np.sum(parabola[1] ** 2)) / (FEWEST - 3))
+    others = len(squares)
     if not squares:
         return scatter, own
     # squares of two degrees of freedom have a median of ln 2 of their mean, that of half as many
     median = float(np.median(squares)) / math.log(2.0)
-    both = math.sqrt((own * scatter**2 + beside * median) / (own + beside))
-    return max(scatter, both), own + beside
+    both = math.sqrt((own * scatter**2 + others * median) / (own + others))
+    return max(scatter, both), own + others
 
 
 def chi_of_maxima(laboratory_v: float, simulated: float) -> float:
@@ -390,6 +380,13 @@ def chi_of_sweep(laboratory_v: FloatArray, simulated: FloatArray) -> float:
         ValueError: shapes that differ.
         NoScale: a simulation that is zero everywhere, or a scale that no double holds.
     """
+    return _scaled(laboratory_v, simulated)[0]
+
+
+def _scaled(
+    laboratory_v: FloatArray, simulated: FloatArray
+) -> tuple[float, float, FloatArray, FloatArray]:
+    """The least-squares scale, its slope of both sweeps over their largest points, and these."""
     if laboratory_v.shape != simulated.shape:
         raise ValueError(f"sweeps of {laboratory_v.size} and {simulated.size} points")
     largest, height = float(np.max(laboratory_v)), float(np.max(simulated))
@@ -399,7 +396,8 @@ def chi_of_sweep(laboratory_v: FloatArray, simulated: FloatArray) -> float:
             "reaches the observed output"
         )
     measured, shape = laboratory_v / largest, simulated / height
-    return chi_of_maxima(largest, height) * float(np.dot(measured, shape) / np.dot(shape, shape))
+    slope = float(np.dot(measured, shape) / np.dot(shape, shape))
+    return chi_of_maxima(largest, height) * slope, slope, measured, shape
 
 
 def chi_robust(laboratory_v: FloatArray, simulated: FloatArray) -> float:
@@ -419,10 +417,8 @@ def chi_robust(laboratory_v: FloatArray, simulated: FloatArray) -> float:
 
     Source: P. Huber, Robust Statistics (1981), section 7.
     """
-    chi = chi_of_sweep(laboratory_v, simulated)
-    largest, height = float(np.max(laboratory_v)), float(np.max(simulated))
-    measured, shape = laboratory_v / largest, simulated / height
-    slope = float(np.dot(measured, shape) / np.dot(shape, shape))
+    chi, plain, measured, shape = _scaled(laboratory_v, simulated)
+    slope = plain
     for _ in range(200):
         left = np.abs(measured - slope * shape)
         spread = float(np.median(left)) / 0.6745
@@ -434,7 +430,7 @@ def chi_robust(laboratory_v: FloatArray, simulated: FloatArray) -> float:
         slope = moved
         if done:
             break
-    return chi * slope / float(np.dot(measured, shape) / np.dot(shape, shape))
+    return chi * slope / plain
 
 
 def nodes_around(frequency_hz: float, spacing_hz: float, points: int = FINE_POINTS) -> FloatArray:

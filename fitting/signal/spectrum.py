@@ -83,7 +83,7 @@ class Band:
     def combination_bins(self) -> tuple[int, ...]:
         """Bins of Σ k_i f_i with whole numbers k_i, where a nonlinear response has lines.
 
-        The mean, harmonics and mixtures up to order Σ|k_i| = 5, and what lies between and beside
+        The mean, harmonics and mixtures up to order Σ|k_i| = 5, and what lies between and next to
         the tones (Σ k_i = 1) up to order 41; each less where it would fill half of all bins. The
         tones themselves are left out.
         """

@@ -65,7 +65,7 @@ def spacing_s(time_s: FloatArray, source: str, places: Sequence[str] = ()) -> fl
 def refuse_clipped(values: FloatArray, source: str) -> None:
     """Complain of values (n,) that are cut off: they jump into flat stretches at an extreme.
 
-    One stretch does where noise is beside it, which does not repeat an extreme by chance. A signal
+    One stretch does where noise is next to it, which does not repeat an extreme by chance. A signal
     of few bits is flat at its top as well, but comes there by few quanta.
 
     Args:

@@ -18,7 +18,7 @@ from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed, number
 
-#: Condition number of a tone fit above which the tones are not told apart.
+#: Condition number of a tone fit above which the tones are not distinguished.
 WORST_CONDITION = 1e3
 #: Tones that are this many times as fast as others look like a forgotten unit.
 FAR_APART = 1e3
@@ -100,7 +100,7 @@ def fit_tones(tones_hz: Sequence[float], times_s: FloatArray, values: FloatArray
         values: samples (samples, outputs).
 
     Raises:
-        BadInput: the samples do not tell the tones apart.
+        BadInput: the samples do not distinguish the tones.
     """
     fit = ToneFit(tuple(tones_hz), times_s)
     if fit.condition > WORST_CONDITION:
@@ -183,7 +183,7 @@ def tones_in_words(tones_hz: Sequence[float]) -> str:
 
 
 def unit_hint(tones_hz: Sequence[float]) -> str:
-    """What to say where tones are so far apart that a unit may have been forgotten; or nothing.
+    """What to print where tones are so far apart that a unit may have been forgotten; or nothing.
 
     Args:
         tones_hz: frequencies of the tones, Hz.

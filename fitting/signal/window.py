@@ -44,8 +44,8 @@ class Window:
 
     `held_steps` is the number of input steps in one sampling step, 0 for tones that the model
     makes itself. `condition` is that of the tone fit where the window is not coherent, else 1.
-    `mixture_bins` are Fourier bins of lines that the response may hold beside the tones, and
-    `mixtures` the number of these lines; without whole periods they are fitted beside the tones,
+    `mixture_bins` are Fourier bins of lines that the response may hold besides the tones, and
+    `mixtures` the number of these lines; without whole periods they are fitted with the tones,
     `beside_hz`. `longest_s` is the longest communication step (0: any), s.
 
     Raises:
@@ -141,7 +141,7 @@ def kept_apart(cycles: Sequence[int], others: Iterable[int], samples: int) -> bo
     """Whether samples over whole periods see each tone by itself: the proof against folding.
 
     `cycles` are whole periods of the tones in the window, `others` those of lines that the
-    response may hold beside them. With k = f T whole, tone k is seen at the bin k mod N, and -k
+    response may hold besides them. With k = f T whole, tone k is seen at the bin k mod N, and -k
     mod N: these must differ from tone to tone, and from 0 and N/2, and no other line may be seen
     there. All in whole numbers.
 
@@ -196,12 +196,12 @@ def plan_window(
         samples_per_period: steps in a period of the fastest tone for which an input is held; 0:
             none is.
         mixtures_hz: combinations of the tones that the window must hold, Hz.
-        beside_hz: lines that are fitted beside tones without a common period, Hz.
+        beside_hz: lines that are fitted with tones without a common period, Hz.
         longest_s: longest window, s.
 
     Raises:
         BadInput: no window keeps the tones apart (two equal tones, for one), or clear of the lines
-            beside them.
+            next to them.
     """
     tones = tuple(float(tone) for tone in tones_hz)
     least = 2 * len(tones) + 1 + SPARE_SAMPLES
@@ -217,9 +217,9 @@ def plan_window(
     if samples is None:
         return _incoherent(tones, beside_hz, settle_s, least + 4, samples_per_period)
     period = float(common)
-    held = 0
+    hold = 0
     if samples_per_period:
-        held = math.ceil(period * max(tones) * samples_per_period / samples)
+        hold = math.ceil(period * max(tones) * samples_per_period / samples)
     folds = {folded(int(exact(line) * common), samples) for line in mixtures_hz}
     return _aligned(
         Window(
@@ -227,7 +227,7 @@ def plan_window(
             settle_s=settle_s,
             step_s=period / samples,
             samples=samples,
-            held_steps=held,
+            held_steps=hold,
             mixture_bins=tuple(sorted({k for b in folds for k in (b, -b % samples)})),
             mixtures=len(mixtures_hz),
         )
@@ -236,7 +236,7 @@ def plan_window(
 
 def _incoherent(
     tones: tuple[float, ...],
-    beside: tuple[float, ...],
+    near_hz: tuple[float, ...],
     settle_s: float,
     samples: int,
     samples_per_period: int,
@@ -246,7 +246,7 @@ def _incoherent(
         raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
     span = 1.0 / min([*gaps, *tones])  # the mean is a tone of 0 Hz: keep off it as well
     wanted, (best, best_step) = samples, (math.inf, 0.0)
-    for near in (beside, ()):  # of tones far apart combinations come close to each other
+    for near in (near_hz, ()):  # of tones far apart combinations come close to each other
         samples = wanted + 2 * len(near)
         best, best_step = _best_step((*tones, *near), samples, span)
         if best <= LARGEST_CONDITION:
@@ -256,7 +256,7 @@ def _incoherent(
             f"drive frequencies {tones} Hz: no sampling distinguishes them (condition {best:.3g}); "
             "wanted frequencies with a common period"
         )
-    held = math.ceil(best_step * max(tones) * samples_per_period) if samples_per_period else 0
+    hold = math.ceil(best_step * max(tones) * samples_per_period) if samples_per_period else 0
     return _aligned(
         Window(
             tones_hz=tones,
@@ -264,7 +264,7 @@ def _incoherent(
             step_s=best_step,
             samples=samples,
             coherent=False,
-            held_steps=held,
+            held_steps=hold,
             condition=best,
             mixtures=len(near),
             beside_hz=near,
@@ -319,16 +319,16 @@ def whole_steps(time_s: float, step_s: float) -> float:
 def tone_misfit(window: Window, samples: FloatArray) -> float:
     """Largest deviation of samples from mean plus tones, relative to the largest amplitude.
 
-    Lines that are expected beside the tones are no part of it; harmonics otherwise, a transient
+    Lines that are expected besides the tones are no part of it; harmonics otherwise, a transient
     that is left, or noise of the solver: what a plan should keep small.
 
     Args:
         window: settling and samples of a run.
         samples: values (samples, outputs).
     """
-    found = window.read(samples)
-    largest = max(float(np.max(found.amplitudes)), np.finfo(float).tiny)
-    rest = found.rest
+    fitted = window.read(samples)
+    largest = max(float(np.max(fitted.amplitudes)), np.finfo(float).tiny)
+    rest = fitted.rest
     if window.mixture_bins:
         lines = np.fft.fft(rest)
         lines[list(window.mixture_bins)] = 0.0

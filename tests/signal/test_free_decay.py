@@ -151,7 +151,7 @@ def test_samples_lie_inside_the_decay_and_are_few(samples: int) -> None:
         assert few.indices[0] == 0
         assert few.indices[-1] == samples - 1
         assert np.all(np.diff(few.indices) > 0)
-        assert not set(few.held_out) & set(few.used.ravel()) - {samples - 1}
+        assert not set(few.checked) & set(few.used.ravel()) - {samples - 1}
     assert bool(few_samples(samples)) == (samples >= 300)
 
 
