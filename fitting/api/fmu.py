@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from fitting.api.early import DRIVE_FILES, SWEEP_FILES
 from fitting.api.printed import written
-from fitting.api.request import USUAL_TONES, RequestBinder
+from fitting.api.request import USUAL_TONES, drive_request, sweep_request
 from fitting.campaign.bound import Drive as WantedDrive
 from fitting.campaign.file import WrittenFmu
 from fitting.fmu.accuracy import AccuracyAnnotation
@@ -256,7 +256,7 @@ class Fmu:
         requested = Accuracy.of(accuracy)
         return plan_drive(
             self.workers,
-            RequestBinder(self.description).drive(start_values, tones, drive, outputs),
+            drive_request(self.description, start_values, tones, drive, outputs),
             requested.relative,
             settle_s=requested.settle_s,
             annotation=requested.annotation,
@@ -300,8 +300,8 @@ class Fmu:
         for name in ("window_s", "samples", "force", "forbid"):
             if getattr(requested, name) not in (None, ()):
                 raise BadInput(f"{name}: has no meaning in a sweep, only in a drive")
-        wanted = RequestBinder(self.description).sweep(
-            frequency_hz, start_values, tone, output, directions
+        wanted = sweep_request(
+            self.description, frequency_hz, start_values, tone, output, directions
         )
         settle_s, work = requested.settle_s, requested.work
         return sweep_through(self.workers, wanted, requested.relative, settle_s=settle_s, work=work)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from fitting.fmu.description import FmuDescription
 from fitting.fmu.parameter_set import SetValue
@@ -17,33 +17,25 @@ from fitting.text.units import convert
 
 
 @dataclass(frozen=True, kw_only=True)
-class Handed(ParameterEstimate):
-    """One fitted parameter in the unit of the FMU.
-
-    ``left`` is the reason why it is not handed on; empty: it is.
-    """
-
-    left: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Calibration:
     """What a result hands on: ``parameters``, ``settings``, and what the campaign set besides.
 
-    ``settings`` are of the alternative that fits best, ``open_settings`` those of one that others
-    equal, which are left. ``campaign_values`` are start
+    ``parameters`` are all that were fitted, in the units of the FMU; ``left`` are the reasons why
+    some of them are not handed on, by name. ``settings`` are of the alternative that fits best,
+    ``open_settings`` those of one that others equal, which are left. ``campaign_values`` are start
     values of the campaign, with which the parameters were fitted.
     """
 
-    parameters: tuple[Handed, ...]
+    parameters: tuple[ParameterEstimate, ...]
+    left: Mapping[str, str]
     campaign_values: Mapping[str, Scalar]
     settings: Mapping[str, Scalar]
     open_settings: Mapping[str, Scalar]
 
     @property
-    def handed(self) -> tuple[Handed, ...]:
+    def handed(self) -> tuple[ParameterEstimate, ...]:
         """The parameters that are handed on."""
-        return tuple(p for p in self.parameters if not p.left)
+        return tuple(p for p in self.parameters if p.name not in self.left)
 
     @property
     def start_values(self) -> dict[str, Scalar]:
@@ -75,11 +67,21 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
     for name in also:
         if name not in known:
             raise BadInput(f"also: {name!r} was not fitted, wanted one of {', '.join(known)}")
-    parameters = tuple(
-        _handed(name, value, description, name in also) for name, value in result.parameters.items()
-    )
-    if not any(not p.left for p in parameters) and not result.alternative:
-        reasons = ", ".join(f"{p.name}: {p.left}" for p in parameters)
+    parameters, left = [], dict[str, str]()
+    for name, fitted in result.parameters.items():
+        variable, unit = description.variables.get(name), fitted.unit
+        if variable is None:
+            left[name] = "is no variable of the FMU"
+        elif not variable.can_be_started:
+            left[name] = "cannot be set in the FMU"
+        else:
+            unit = variable.unit or unit
+            if name not in also and fitted.status is not Verdict.DETERMINED:
+                left[name] = str(fitted.status)
+        factor = convert(1.0, fitted.unit, unit, where=name) if unit != fitted.unit else 1.0
+        parameters.append(fitted.in_unit(unit, factor))
+    if len(left) == len(parameters) and not result.alternative:
+        reasons = ", ".join(f"{name}: {reason}" for name, reason in left.items())
         raise BadInput(
             f"the data determine no parameter ({reasons}): nothing to calibrate; "
             "wanted --also NAME, or --all for the best fit as a whole"
@@ -87,34 +89,16 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
     tied = sum(a.equal_to_best for a in result.alternatives) > 1
     form = {n: v for n, v in result.alternative.items() if n in description.variables}
     sure = {name: value for name, value in form.items() if not tied or name in also}
-    left = {name: value for name, value in form.items() if name not in sure}
     return Calibration(
-        parameters=parameters,
+        parameters=tuple(parameters),
+        left=left,
         campaign_values=result.provenance.start_values,
         settings=sure,
-        open_settings=left,
+        open_settings={name: value for name, value in form.items() if name not in sure},
     )
 
 
-def _handed(
-    name: str, result: ParameterEstimate, description: FmuDescription, wanted: bool
-) -> Handed:
-    variable = description.variables.get(name)
-    unit = result.unit
-    if variable is None:
-        left = "is no variable of the FMU"
-    elif not variable.can_be_started:
-        left = "cannot be set in the FMU"
-    else:
-        left = "" if wanted or result.status is Verdict.DETERMINED else str(result.status)
-        unit = variable.unit or unit
-    factor = convert(1.0, result.unit, unit, where=name) if unit != result.unit else 1.0
-    there = result.in_unit(unit, factor)
-    shared = {each.name: getattr(there, each.name) for each in fields(ParameterEstimate)}
-    return Handed(**shared, left=left)
-
-
-def _notes(p: Handed) -> dict[str, str]:
+def _notes(p: ParameterEstimate) -> dict[str, str]:
     numbers = {"std": p.std, "ci95_low": p.ci95[0], "ci95_high": p.ci95[1]}
     return {"verdict": str(p.status)} | {
         name: repr(value) for name, value in numbers.items() if not math.isnan(value)
@@ -130,5 +114,5 @@ def calibration_csv(result: Calibration) -> str:
     rows = [["name", "unit", "value", "std", "ci95_low", "ci95_high", "verdict", "left"]]
     for p in result.parameters:
         numbers = ("" if math.isnan(v) else repr(v) for v in (p.value, p.std, *p.ci95))
-        rows.append([p.name, p.unit, *numbers, p.status, p.left])
+        rows.append([p.name, p.unit, *numbers, p.status, result.left.get(p.name, "")])
     return csv_text(rows)

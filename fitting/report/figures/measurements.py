@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -124,12 +124,8 @@ NARROW_INCHES = 3.5
 LETTERS_PER_INCH = 10.8
 
 
-@dataclass(frozen=True)
-class Scales:
-    """How the values of both axes of a panel are written."""
-
-    x: Scaling
-    y: Scaling
+#: How the values of both axes of a panel are written, along x and along y.
+Scales = tuple[Scaling, Scaling]
 
 
 def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) -> Axes:
@@ -142,13 +138,13 @@ def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) 
     """
     axes = axes_of(ax)
     panels = among or (shown,)
-    scales = Scales(
-        _scaling(shown.x, _along_x(shown.x, panels)), _scaling(shown.y, _along_y(shown.y, panels))
-    )
+    along_x = _scaling(shown.x, _along_x(shown.x, panels))
+    along_y = _scaling(shown.y, _along_y(shown.y, panels))
+    scales = along_x, along_y
     for place in shown.marked:
-        axes.axvline(scales.x(place), color=GREY, alpha=0.4, linewidth=0.8, zorder=0)
+        axes.axvline(along_x(place), color=GREY, alpha=0.4, linewidth=0.8, zorder=0)
     if np.isfinite(shown.level):
-        axes.axhline(scales.y(shown.level), color=GREY, linewidth=0.8, zorder=1)
+        axes.axhline(along_y(shown.level), color=GREY, linewidth=0.8, zorder=1)
     for layer in shown.layers:
         if layer.form is Form.MAP:
             _map(axes, layer, scales, shown.z or Axis(""))
@@ -205,9 +201,10 @@ def _finite(parts: Sequence[Any]) -> FloatArray:
 def _scaled(layer: Layer, scales: Scales) -> tuple[FloatArray, FloatArray, FloatArray]:
     """x, y and standard deviations (zero: not known) of a layer, as they are drawn."""
     sigma = layer.sigma if layer.sigma.size else np.zeros(layer.y.size)
-    x = (layer.x - scales.x.offset) / scales.x.factor
-    y = (layer.y - scales.y.offset) / scales.y.factor
-    return x, y, np.nan_to_num(sigma, nan=0.0) / scales.y.factor
+    along_x, along_y = scales
+    x = (layer.x - along_x.offset) / along_x.factor
+    y = (layer.y - along_y.offset) / along_y.factor
+    return x, y, np.nan_to_num(sigma, nan=0.0) / along_y.factor
 
 
 def _colour(layer: Layer) -> str:
@@ -359,35 +356,37 @@ def _note(axes: Axes, lines: Sequence[str]) -> None:
 
 
 def _label(axes: Axes, shown: Panel, scales: Scales) -> None:
-    axes.set_xlabel(scales.x.label(shown.x.label))
-    label = scales.y.label(shown.y.label)
-    if shown.height < 1.0 and scales.y.unit:  # a low panel has no room for a long label
-        label = f"{shown.y.label}\n({scales.y.unit})"
+    along_x, along_y = scales
+    axes.set_xlabel(along_x.label(shown.x.label))
+    label = along_y.label(shown.y.label)
+    if shown.height < 1.0 and along_y.unit:  # a low panel has no room for a long label
+        label = f"{shown.y.label}\n({along_y.unit})"
     axes.set_ylabel(f"{shown.when}: {label}" if shown.when else label)
 
 
 def _limit(axes: Axes, shown: Panel, panels: Sequence[Panel], scales: Scales) -> None:
     """Ends and ticks of both axes."""
+    along_x, along_y = scales
     narrow = width_inches(axes) < NARROW_INCHES
     plain_ticks(axes, x=4 if narrow else 8, y=5 if shown.height >= 1.0 else 4)
     if shown.x.ticks:
         places, texts = zip(*shown.x.ticks, strict=True)
-        axes.set_xticks([scales.x(place) for place in places], texts, fontsize="x-small")
+        axes.set_xticks([along_x(place) for place in places], texts, fontsize="x-small")
     if shown.x.log:
         log_axis(axes, "x")
     if shown.y.log:
         log_axis(axes)
     if shown.x.low is not None:
-        axes.set_xlim(left=scales.x(shown.x.low))
+        axes.set_xlim(left=along_x(shown.x.low))
     if shown.x.high is not None:
-        axes.set_xlim(right=scales.x(shown.x.high))
+        axes.set_xlim(right=along_x(shown.x.high))
     if shown.y.low is not None:
         top = max(_along_y(shown.y, panels), default=0.0)
         if shown.y.high is None and top > shown.y.low:
-            axes.set_ylim(top=scales.y(top + ABOVE * (top - shown.y.low)))
-        axes.set_ylim(bottom=scales.y(shown.y.low))
+            axes.set_ylim(top=along_y(top + ABOVE * (top - shown.y.low)))
+        axes.set_ylim(bottom=along_y(shown.y.low))
     if shown.y.high is not None:
-        axes.set_ylim(top=scales.y(shown.y.high))
+        axes.set_ylim(top=along_y(shown.y.high))
 
 
 def frequency_response(
