@@ -56,9 +56,9 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.planning import plan_series
 from fitting.measurements.tones import Tones
-from fitting.signal.chi_square import tail
 from fitting.signal.least_squares import damped_step
-from fitting.signal.rician import rician
+from fitting.signal.roughness import rician
+from fitting.signal.student import tail
 from fitting.simulate.batch import Workers
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
 

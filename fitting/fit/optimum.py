@@ -22,8 +22,7 @@ from fitting.fit.levenberg import (
 from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request
 from fitting.fit.linearisation import SMALLEST_SIGMA, Linearisation
 from fitting.fit.objective import forward
-from fitting.signal.chi_square import tail
-from fitting.signal.student import normal_square
+from fitting.signal.student import normal_square, tail
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import OutOfBudget
 

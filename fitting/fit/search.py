@@ -25,9 +25,9 @@ from fitting.fit.levenberg import Goal, expand, minimise
 from fitting.fit.likelihood import LikelihoodEvaluator, Request
 from fitting.fit.optimum import TOO_LARGE_P, freedom_of
 from fitting.measurements.dataset import Dataset
-from fitting.signal.chi_square import tail
 from fitting.signal.misfit import UNLIKELY
 from fitting.signal.residual_tests import white_noise_p
+from fitting.signal.student import tail
 from fitting.text.arrays import FloatArray, IntArray
 
 #: Points of the first round, a power of two (each further one doubles them), and rounds at most.

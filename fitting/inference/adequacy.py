@@ -9,7 +9,7 @@ square and from how residuals are correlated along an axis is one rule for every
 the rest by chi square.
 
 With few degrees of freedom noise alone reaches several times them, but a probability of 1e-4 only
-once in ten thousand fits (`fitting.signal.chi_square`: noise that was estimated apart from the fit
+once in ten thousand fits (`fitting.signal.student`: noise that was estimated apart from the fit
 leaves larger ones). What the simulation may be off by (`fitting.fit.noise`) excuses what it can
 explain: it is in the intervals then, and no fault of the model.
 
@@ -66,8 +66,8 @@ from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.traces import UNKNOWN, TraceRecord, Traces
-from fitting.signal.chi_square import tail
 from fitting.signal.misfit import (
+    SURELY,
     Correlation,
     Misfit,
     correlated_below,
@@ -75,9 +75,9 @@ from fitting.signal.misfit import (
     misfit_of,
     of_one_size,
 )
-from fitting.signal.presence import SURELY
-from fitting.signal.presence import chance as chance_without_response
+from fitting.signal.misfit import chance as chance_without_response
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, STRUCTURED, Structure, innovations
+from fitting.signal.student import tail
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 
 #: Parts of a curve whose residuals are compared in size where their noise is not stated.

@@ -54,12 +54,11 @@ from fitting.inference.likelihood.knowledge import (
     ValueAlone,
 )
 from fitting.measurements.sweep import Sweep
-from fitting.signal.chi_square import as_sigmas, tail
 from fitting.signal.least_squares import damped_step
 from fitting.signal.misfit import excess_share
 from fitting.signal.residual_tests import residual_structure
 from fitting.signal.scale import laboratory_maximum
-from fitting.signal.student import widening95
+from fitting.signal.student import as_sigmas, tail, widening95
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import FmuFailure
 from fitting.text.finding import Finding, Kind, warning

@@ -4,7 +4,7 @@
     nu = a |g(f)|                       z = R nu/s^2
 
 Averaged readings have the same mean; single ones scatter by that same noise, by s on the line and
-by 0.66 s without one (`fitting.signal.rician`). The unknowns are those of least squares: s takes
+by 0.66 s without one (`fitting.signal.roughness`). The unknowns are those of least squares: s takes
 the place of the size of the noise.
 
 Source: S. O. Rice, Bell Syst. Tech. J. 24 (1945) 46; J. Sijbers et al., IEEE Trans. Med. Imaging 17
@@ -22,7 +22,7 @@ from scipy.special import i0e, i1e
 
 from fitting.lines.solve import Columns, Fit, Model, fit_model
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL
-from fitting.signal.rician import rician, rician_deviation
+from fitting.signal.roughness import rician, rician_deviation
 from fitting.text.arrays import FloatArray
 
 #: Steps of Newton's method, halvings of one, and relative gain of the likelihood that is none.

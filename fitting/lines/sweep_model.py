@@ -23,7 +23,7 @@ import numpy as np
 from fitting.lines.duffing import duffing
 from fitting.lines.lorentzian import Response, lorentzian
 from fitting.lines.solve import Columns
-from fitting.signal.rician import rician
+from fitting.signal.roughness import rician
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Largest logarithm of a factor on a width.

@@ -10,7 +10,7 @@ chi_k is that of its spectrum, solved inside by weighted least squares, or one o
 in dB the rows are logarithms, ln(chi_k D A) - ln L: noise that is a share of each point would bias
 a ratio whose denominator it is. Other amplitudes whose noise is known are magnitudes of quadratures
 that have it, and larger than the response by what noise makes of it on average
-(`fitting.signal.rician`): M(chi_k D A) stands in place of chi_k D A.
+(`fitting.signal.roughness`): M(chi_k D A) stands in place of chi_k D A.
 
 Scales (`SpectrumScales`) are real factors from simulated to measured amplitudes. For the rows i of
 one scale chi, of all spectra or of a single one, with A simulated and L measured amplitudes and
@@ -20,7 +20,7 @@ weights w,
     ln chi = sum_i w_i (ln L_i - ln A_i) / sum_i w_i              amplitudes in dB
     chi minimises sum_i w_i (M(chi A_i) - L_i)^2                  magnitudes of noisy quadratures
 
-(variable projection); M is the mean of a magnitude (`fitting.signal.rician`). Unlike complex
+(variable projection); M is the mean of a magnitude (`fitting.signal.roughness`). Unlike complex
 gains (`fitting.measurements.gain`) scales are positive, nothing stands beside them, and the
 last two enter otherwise than linearly: the one is a mean of logarithms, the other takes steps.
 
@@ -57,10 +57,9 @@ from fitting.measurements.measurement import (
 )
 from fitting.measurements.records import Curve, SweepsTogether
 from fitting.measurements.residuals import ResidualCurve, mistakes
-from fitting.signal.chi_square import joined_freedom
-from fitting.signal.rician import quadrature_noise, rician
-from fitting.signal.roughness import roughness, roughness_freedom
+from fitting.signal.roughness import quadrature_noise, rician, roughness, roughness_freedom
 from fitting.signal.scale import half_power_width
+from fitting.signal.student import joined_freedom
 from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, IntArray, Scalar, as_numbers, require_size

@@ -17,8 +17,8 @@ from fitting.campaign import BoundCampaign
 from fitting.measurements.measurement import Measurement, Prediction, Scale, Values
 from fitting.measurements.sweep import sweep_of
 from fitting.measurements.tones import ComplexTones, Tones, peak_sigmas
-from fitting.signal.chi_square import joined_freedom
-from fitting.signal.presence import leaves_noise
+from fitting.signal.misfit import leaves_noise
+from fitting.signal.student import joined_freedom
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput, did_you_mean
 

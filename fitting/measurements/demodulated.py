@@ -35,8 +35,8 @@ from fitting.measurements.time_record import FOUND, TimeRecord, ask_decay
 from fitting.measurements.trace_survey import Asked, TracesTogether
 from fitting.measurements.traces import DRAWN, SHIFTS, together
 from fitting.signal.least_squares import damped_step
-from fitting.signal.rician import Scatter, rician, scatter_of
 from fitting.signal.rotating import SENSED, Reference, line_columns, reference, rotating_responses
+from fitting.signal.roughness import Scatter, rician, scatter_of
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked

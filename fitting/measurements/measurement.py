@@ -29,7 +29,7 @@ from fitting.measurements.figure import Figure
 from fitting.measurements.gain import Solved
 from fitting.measurements.plan import Plan
 from fitting.measurements.residuals import ResidualCurve, least_noise
-from fitting.signal.presence import leaves_noise
+from fitting.signal.misfit import leaves_noise
 from fitting.signal.scale import Maximum
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Workers

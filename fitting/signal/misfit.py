@@ -11,12 +11,23 @@
     correlated where P < UNLIKELY already (`correlated_below`).
     Of few (below SURE) the test of (a) misses what is wrong: there chi^2/freedom > RATIO wants
     residuals that look uncorrelated (P >= DOUBTFUL), else the model does not describe the data.
-    Noise is hardly ever stated so wrongly as chi^2/freedom > BEYOND says: there both are wanted,
+    Noise is hardly ever stated so wrongly as chi^2/freedom > BEYOND: there both are wanted,
     SURE degrees of freedom and residuals that look uncorrelated.
 (c) Fewer degrees of freedom, or no axis: structure cannot be tested. P(chi^2) < IMPROBABLE and
     chi^2/freedom > RATIO: the model does not describe the data; between, as (b).
 
 How often that is wrong, by degrees of freedom: `python -m tests.bench.bench_misfit_rule`.
+
+Whether curves show a response at all (`leaves_noise`): without it a constant describes a curve, or
+what is declared next to it. With it the squares are less by
+
+    gain = sum (flat^2 - left^2)/sigma^2        P(chi^2_k > gain)        the noise is stated
+    F    = (gain/k)/(sum left^2/(m - k))        P(F_{k, m-k} > F)        it is that of the rest
+
+k counts what is fitted, scales too. A response is looked for at very many places, at one of which
+noise makes it best: so the bar is far below a per cent.
+
+Source: E. Gross and O. Vitells, Eur. Phys. J. C 70 (2010) 525, for searches at many places.
 """
 
 from __future__ import annotations
@@ -26,11 +37,11 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from scipy.special import bdtrc
+from scipy.special import bdtrc, fdtrc, gammaincc
 
-from fitting.signal.chi_square import tail
 from fitting.signal.residual_tests import LAGS, SMALLEST_RESIDUAL, white_noise_p
 from fitting.signal.roughness import MEDIAN_OF_NORMAL
+from fitting.signal.student import tail
 from fitting.text.arrays import FloatArray, IntArray
 
 #: Probability of residuals along an axis, by white noise, below which they are correlated.
@@ -55,6 +66,11 @@ SURE, DOUBTFUL = 50.0, 0.05
 UNLIKELY = 1e-3
 #: Share of the readings that may be outliers, how many at most, and standard deviations off.
 FEW, MOST_OFF, FAR = 0.02, 10, 5.0
+
+#: Probability by noise alone below which a response is there.
+SURELY = 1e-9
+#: Correlation of neighbours, in its standard deviations, up to which residuals are noise.
+WHITE = 3.0
 
 
 class Misfit(Enum):
@@ -233,3 +249,43 @@ def excess_share(left: float, before: float, freedom: float) -> float:
     """
     excess = before - freedom
     return float(np.clip((left - freedom) / excess, 0.0, 1.0)) if excess > 0.0 else 1.0
+
+
+def chance(flat: FloatArray, left: FloatArray, sigma: FloatArray, unknowns: int) -> float:
+    """Probability with which noise alone lets a response at one place take as much of curves.
+
+    Args:
+        flat: rows without the response, shape (m,).
+        left: rows that the fit leaves, shape (m,).
+        sigma: standard deviations, (m,); 0: not known.
+        unknowns: of the response, k. As many as there are rows determine nothing.
+    """
+    if np.all(sigma > 0.0):
+        gain = float(np.sum((flat / sigma) ** 2 - (left / sigma) ** 2))
+        return float(gammaincc(0.5 * unknowns, 0.5 * max(gain, 0.0)))
+    freedom, rest = flat.size - unknowns, float(left @ left)
+    if freedom <= 0 or not rest > 0.0:
+        return 0.0
+    ratio = max(float(flat @ flat) - rest, 0.0) / unknowns / (rest / freedom)
+    return float(fdtrc(unknowns, freedom, ratio))
+
+
+def leaves_noise(flat: FloatArray, left: FloatArray, sigma: FloatArray, unknowns: int) -> bool:
+    """Whether a fit leaves noise alone, however much of the variance that is.
+
+    What is left is no more than the noise that is stated. Where none is, the response is surely
+    there, and neighbours among the residuals are independent.
+
+    Args:
+        flat: rows without the response, shape (m,).
+        left: rows that the fit leaves, shape (m,).
+        sigma: standard deviations, (m,); 0: not known.
+        unknowns: of the response, k.
+    """
+    if not left.size:
+        return False
+    if np.all(sigma > 0.0):
+        return tail(float(np.sum((left / sigma) ** 2)), left.size) > IMPROBABLE
+    together = abs(float(left[1:] @ left[:-1])) * np.sqrt(left.size)
+    white = together <= WHITE * float(left @ left)
+    return bool(white) and chance(flat, left, sigma, unknowns) <= SURELY

@@ -25,9 +25,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from fitting.signal.chi_square import tail
 from fitting.signal.misfit import Correlation, Misfit, correlated_below, correlation, misfit_of
 from fitting.signal.residual_tests import residual_structure
+from fitting.signal.student import tail
 from fitting.text.arrays import FloatArray
 
 FREEDOM = (4, 8, 20, 100, 1000)

@@ -9,7 +9,7 @@ from scipy.stats import chi2, f
 
 import fitting as ff
 from fitting.fit import search
-from fitting.signal.presence import SURELY, chance
+from fitting.signal.misfit import SURELY, chance
 from tests.bench.bench_crossing import METHOD
 from tests.support.virtual.crossing import CrossingLaboratory, laboratory
 

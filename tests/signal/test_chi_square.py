@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from fitting.signal.chi_square import largest, tail
 from fitting.signal.roughness import roughness, roughness_freedom
+from fitting.signal.student import largest, tail
 
 
 @pytest.mark.parametrize(

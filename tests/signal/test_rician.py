@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fitting.signal.rician import rician
+from fitting.signal.roughness import rician
 
 
 def by_mpmath(a: float) -> float:

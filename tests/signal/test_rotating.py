@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import rice
 
-from fitting.signal.rician import (
+from fitting.signal.rotating import SENSED, Reference, reference, rotating_responses
+from fitting.signal.roughness import (
     quadrature_noise,
     rician,
     rician_deviation,
     scatter_of,
 )
-from fitting.signal.rotating import SENSED, Reference, reference, rotating_responses
 from fitting.text.arrays import FloatArray
 
 F_HZ = 1.2345678e6

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitting.signal.chi_square import tail
+from fitting.signal.student import tail
 from fitting.text.arrays import FloatArray
 
 

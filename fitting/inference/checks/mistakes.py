@@ -43,7 +43,6 @@ from fitting.measurements.dataset import Dataset, own_scale
 from fitting.measurements.measurement import DivisibleResponse, Measurement
 from fitting.measurements.residuals import ResidualCurve
 from fitting.measurements.tones import ComplexTones, Tones
-from fitting.signal.chi_square import tail
 from fitting.signal.misfit import (
     IMPROBABLE,
     NOTICED,
@@ -55,6 +54,7 @@ from fitting.signal.misfit import (
     scaled_solution,
 )
 from fitting.signal.residual_tests import innovations
+from fitting.signal.student import tail
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import FmuFailure, NoScale
 from fitting.text.finding import Finding, Kind, warning

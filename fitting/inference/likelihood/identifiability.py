@@ -53,7 +53,7 @@ from fitting.inference.likelihood.knowledge import (
     Profile,
 )
 from fitting.inference.likelihood.profile import Scans
-from fitting.signal.chi_square import largest
+from fitting.signal.student import largest
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.estimate import Estimate, FittedEstimate, Verdict
 from fitting.text.finding import Finding, Kind, note
