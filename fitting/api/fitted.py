@@ -37,7 +37,7 @@ from fitting.inference.sweeps import SweepFindings, sweep_findings
 from fitting.report.summary import detail_lines, result_lines
 from fitting.report.table import Table, html_table, table, terminal_text, text_lines, wrapped
 from fitting.result.assembly import correlation_of, result_through
-from fitting.result.provenance import Identity, identify_fmu, job_of
+from fitting.result.provenance import job_of
 from fitting.result.result import Result
 from fitting.result.result import read_result as read_record
 from fitting.text.arguments import checked
@@ -371,7 +371,7 @@ class Valued(HtmlText, ABC):
         fit, record = self.source, self.inferred
         if not isinstance(record, InferenceRecord):
             raise BadInput("result: the values are of a file, wanted those of a fit")
-        return result_through(fit.problem.planned, fit.record, record, fit.identity, self.seconds)
+        return result_through(fit.problem.planned, fit.record, record, fit.command, self.seconds)
 
     def fit_report(self) -> str:
         """What ``fmu-fit reconstruct --verbose`` prints: values, findings, how the fit ended."""
@@ -447,14 +447,15 @@ class Fit(Valued):
         self._taken = taken
 
     @property
-    def identity(self) -> Identity:
-        """What a result states of the model."""
-        return identity_of(self.problem, self.command)
+    def _units(self) -> dict[str, str]:
+        """Units of the FMU's variables, by name."""
+        variables = self.problem.fmu.variables if self.problem.has_fmu else {}
+        return {name: variable.unit or "" for name, variable in variables.items()}
 
     @cached_property
     def inferred(self) -> InferenceRecord:
         """All values with linearised errors, as records."""
-        request = InferenceRequest(units=self.identity.units, profiles=False, sweeps=self._sweeps)
+        request = InferenceRequest(units=self._units, profiles=False, sweeps=self._sweeps)
         return infer(self.record, request)
 
     @cached_property
@@ -661,7 +662,7 @@ def search_options(
 
 
 def kept_levels(
-    folder: str | Path, problem: Problem, options: Options, command: str, *, resume: bool = False
+    folder: str | Path, problem: Problem, options: Options, *, resume: bool = False
 ) -> KeptLevels:
     """Finished levels of a search, kept in a folder: those of an interrupted one, or none yet.
 
@@ -669,28 +670,16 @@ def kept_levels(
         folder: Where they are kept.
         problem: What is looked for, and from what.
         options: As `search_options` makes them.
-        command: What made the result, for the record.
         resume: Whether those that are there count.
 
     Raises:
         BadInput: what is there is of another search.
     """
-    job = job_of(problem.record, identity_of(problem, command), options)
+    sha256 = problem.fmu.description.sha256 if problem.has_fmu else ""
+    job = job_of(problem.record, sha256, options)
     if resume:
         return checkpoint.resume(Path(folder), job)
     return checkpoint.Checkpoint(Path(folder), job)
-
-
-def identity_of(problem: Problem, command: str) -> Identity:
-    """What a result states of the model of a problem.
-
-    Args:
-        problem: With or without an FMU.
-        command: What made the result, for the record.
-    """
-    if not problem.has_fmu:
-        return Identity(command=command)
-    return identify_fmu(problem.fmu.description, command)
 
 
 @checked
@@ -735,7 +724,7 @@ def profile(
         requested, known_values(record) if record.campaigns else list(fit.values), "profile"
     )
     request = InferenceRequest(
-        units=fit.identity.units,
+        units=fit._units,
         budget=budget,
         bootstrap=bootstrap,
         only=requested,

@@ -198,7 +198,6 @@ class StringTrace(StringRecord):
         return self.campaign_of(title, "trace", table, {}, parameters)
 
 
-@dataclass(frozen=True, kw_only=True)
 class StringPhasors(StringRecord):
     """A string whose tone at ``drive_hz`` ends at zero, demodulated at that frequency.
 

@@ -20,7 +20,7 @@ from fitting.inference.likelihood.knowledge import Inferred
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.plan import Plan
 from fitting.measurements.sweep import Sweep
-from fitting.result.provenance import Identity, provenance_of
+from fitting.result.provenance import provenance_of
 from fitting.result.result import (
     Cost,
     Deviations,
@@ -182,7 +182,7 @@ NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
 def result_through(
-    planned: PlannedFmu, fit: Fit, inference: Inference, identity: Identity, seconds: float
+    planned: PlannedFmu, fit: Fit, inference: Inference, command: str, seconds: float
 ) -> Result:
     """The result of a fit through an FMU, with the plan and the FMU's warnings.
 
@@ -192,7 +192,7 @@ def result_through(
         planned: the FMU, and how it was driven.
         fit: the solved problem.
         inference: what its data determine.
-        identity: of the FMU.
+        command: command line that made it, for the record.
         seconds: what planning, fit and inference took, s.
 
     Raises:
@@ -211,7 +211,7 @@ def result_through(
         notes = (phrase("findings", "fmu_elsewhere", rest, MOST_KINDS, dropped),)
     reuse = workers.verdict.note
     provenance = replace(
-        provenance_of(problem, identity, fit.options),
+        provenance_of(problem, workers.description, command, fit.options),
         plan=(*planned.sentences, f"{reuse[0].upper()}{reuse[1:]}."),
         notes=notes,
     )

@@ -7,7 +7,7 @@ import json
 import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -29,47 +29,17 @@ ANYWAY = "--changed-data to go on"
 SHOWN = 12
 
 
-@dataclass(frozen=True, kw_only=True)
-class Identity:
-    """What the result states about the FMU and how it was asked; `units` name -> unit."""
-
-    name: str = ""
-    file: str = ""
-    guid: str = ""
-    sha256: str = ""
-    command: str = ""
-    units: Mapping[str, str] = field(default_factory=dict)
-
-
-def identify_fmu(description: FmuDescription, command: str) -> Identity:
-    """What the result states about the FMU, without the plan.
-
-    Args:
-        description: of the FMU.
-        command: command line that made it, for the record.
-    """
-    units = {name: v.unit or "" for name, v in description.variables.items()}
-    return Identity(
-        name=description.model_name,
-        file=description.path.name,
-        guid=description.guid,
-        sha256=description.sha256,
-        command=command,
-        units=units,
-    )
-
-
-def job_of(problem: Problem, identity: Identity, options: Options) -> str:
+def job_of(problem: Problem, sha256: str, options: Options) -> str:
     """Fingerprint of everything that a finished level depends on.
 
     Args:
         problem: parameters, measurements and alternatives.
-        identity: of the FMU and of this program.
+        sha256: of the FMU; empty: there is none.
         options: schedule of ν and misfit.
     """
     content = {
         "files": _files(problem),
-        "fmu": identity.sha256,
+        "fmu": sha256,
         "options": to_plain({"schedule": options.schedule, "misfit": options.misfit}),
         "accuracy": problem.accuracy,
         "starts": {parameter.name: parameter.start for parameter in problem.parameters},
@@ -79,12 +49,15 @@ def job_of(problem: Problem, identity: Identity, options: Options) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def provenance_of(problem: Problem, identity: Identity, options: Options) -> Provenance:
+def provenance_of(
+    problem: Problem, description: FmuDescription, command: str, options: Options
+) -> Provenance:
     """Where a result of this job comes from, finished now.
 
     Args:
         problem: parameters, measurements and alternatives.
-        identity: of the FMU and of this program.
+        description: of the FMU.
+        command: command line that made it, for the record.
         options: schedule of ν and misfit.
     """
     schedule = options.schedule
@@ -92,14 +65,14 @@ def provenance_of(problem: Problem, identity: Identity, options: Options) -> Pro
     versions = {name: version(name) for name in packages}
     versions |= {"fmu-fit": fitting.__version__, "python": platform.python_version()}
     return Provenance(
-        fmu_name=identity.name,
-        fmu_file=identity.file,
-        fmu_guid=identity.guid,
-        fmu_sha256=identity.sha256,
+        fmu_name=description.model_name,
+        fmu_file=description.path.name,
+        fmu_guid=description.guid,
+        fmu_sha256=description.sha256,
         campaign=str(_first(problem).path),
         files=_files(problem),
         versions=versions,
-        command=identity.command,
+        command=command,
         seed=schedule.seed,
         settings={
             "nu_start": schedule.nu_start,

@@ -28,7 +28,6 @@ from fitting.lab.bench import Measured, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.measurements.measurement import Evaluation
-from fitting.result.provenance import identify_fmu
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -72,9 +71,8 @@ def quickly(bound: BoundCampaign) -> Options:
 
 def fitted(workers: FmuWorkers, bound: BoundCampaign) -> Result:
     bound = replace(bound, alternatives=bound.alternatives[:1])
-    identity = identify_fmu(workers.description, "test")
     asked = ReconstructionOptions(quickly(bound), profiles=False)
-    return reconstruct_through(workers, problem_of([bound]), identity, asked)
+    return reconstruct_through(workers, problem_of([bound]), asked)
 
 
 def true_offsets(series: Measured) -> np.ndarray:

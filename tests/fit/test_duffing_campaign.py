@@ -24,7 +24,6 @@ from fitting.lab.duffing import steady_lines
 from fitting.lab.string import Drive
 from fitting.lab.writer import campaign_files
 from fitting.measurements.plan import Plan
-from fitting.result.provenance import Identity
 from fitting.result.result import Result
 from fitting.text.results_folder import write_all
 from tests.support.datasets import drafted, planned_with, through
@@ -96,7 +95,6 @@ def fit(seed: int, folder: Path, workers: FmuWorkers, plan: Plan) -> Result:
     return reconstruct(
         problem_of([bound]),
         lambda alternative: through(workers, bound, plan, alternative),
-        Identity(),
         ReconstructionOptions(replace(options_of(bound.continuation), path=False), profiles=False),
     )
 

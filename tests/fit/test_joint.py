@@ -36,7 +36,6 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep
 from fitting.result.external import check_external, with_external
-from fitting.result.provenance import identify_fmu
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
@@ -320,9 +319,8 @@ def quickly(workers: FmuWorkers, bounds: Sequence[BoundCampaign], levels: int = 
         schedule=replace(options.schedule, starts=1, levels=levels, nu_start=1e-2, beta=1e-3),
         misfit="squares",
     )
-    identity = identify_fmu(workers.description, "test")
     asked = ReconstructionOptions(options, profiles=False)
-    return reconstruct_through(workers, problem, identity, asked)
+    return reconstruct_through(workers, problem, asked)
 
 
 def of_two_pairs(folder: Path) -> list[Path]:

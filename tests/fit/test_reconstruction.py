@@ -29,7 +29,7 @@ from fitting.fmu.description import read_description
 from fitting.fmu.pool import FmuWorkers
 from fitting.measurements.response_curve import ResponseCurve
 from fitting.report.summary import detail_lines, result_lines, summary_of
-from fitting.result.provenance import Identity, identify_fmu, job_of, provenance_of
+from fitting.result.provenance import job_of, provenance_of
 from fitting.result.result import Result, read_result, write_result
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
@@ -40,7 +40,12 @@ from tests.support import closed_form
 from tests.support.datasets import drafted, linear, through
 from tests.support.in_process import told
 from tests.support.processes import MOST_S
-from tests.support.reconstruction import ReconstructionOptions, reconstruct, reconstruct_through
+from tests.support.reconstruction import (
+    NO_FMU,
+    ReconstructionOptions,
+    reconstruct,
+    reconstruct_through,
+)
 from tests.support.shipped_runs import ShippedRun
 from tests.support.small_campaign import of_pairs, small_campaign
 
@@ -57,9 +62,8 @@ def respond(alternative: Mapping[str, Scalar]) -> closed_form.ClosedFormResponse
 def run(bound: BoundCampaign, hooks: Hooks | None = None, **schedule: object) -> Result:
     options = options_of(bound.continuation)
     options = replace(options, schedule=replace(options.schedule, **schedule))  # type: ignore[arg-type]
-    identity = Identity(units={"lambda": "Hz"})
     asked = ReconstructionOptions(options, hooks=hooks or Hooks(), profiles=False)
-    return reconstruct(problem_of([bound]), respond, identity, asked)
+    return reconstruct(problem_of([bound]), respond, asked, {"lambda": "Hz"})
 
 
 @pytest.fixture(scope="module")
@@ -254,7 +258,7 @@ def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
 ) -> None:
     """In the first level, and in the last but one."""
     options = options_of(noisy_campaign.continuation)
-    job = job_of(problem_of([noisy_campaign]), Identity(), options)
+    job = job_of(problem_of([noisy_campaign]), "", options)
     whole = run(noisy_campaign)
     assert [a.reported for a in whole.alternatives] == [True, False]
     for stop_after in (1, 8):
@@ -271,11 +275,11 @@ def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
 def test_a_job_is_told_from_others(noisy_campaign: BoundCampaign) -> None:
     options = options_of(noisy_campaign.continuation)
     problem = problem_of([noisy_campaign])
-    one = job_of(problem, Identity(sha256="a"), options)
-    assert one == job_of(problem, Identity(sha256="a", command="other words"), options)
-    assert one != job_of(problem, Identity(sha256="b"), options)
+    one = job_of(problem, "a", options)
+    assert one == job_of(problem, "a", options)
+    assert one != job_of(problem, "b", options)
     other = replace(options, schedule=replace(options.schedule, seed=2))
-    assert one != job_of(problem, Identity(sha256="a"), other)
+    assert one != job_of(problem, "a", other)
 
 
 def test_files_of_one_name_in_several_folders_are_told_apart(
@@ -290,14 +294,14 @@ def test_files_of_one_name_in_several_folders_are_told_apart(
     bound = replace(noisy_campaign, path=paths[0], files=tuple(paths))
     options, problem = options_of(bound.continuation), problem_of([bound])
     names = ["campaign.toml", *(f"pair{m}/trace.csv" for m in range(5)), "../shared/trace.csv"]
-    assert list(provenance_of(problem, Identity(), options).files) == names
-    before = job_of(problem, Identity(), options)
+    assert list(provenance_of(problem, NO_FMU, "test", options).files) == names
+    before = job_of(problem, "", options)
     for path in paths:
         kept = path.read_text()
         path.write_text("changed\n")
-        assert job_of(problem, Identity(), options) != before
+        assert job_of(problem, "", options) != before
         path.write_text(kept)
-    assert job_of(problem, Identity(), options) == before
+    assert job_of(problem, "", options) == before
 
 
 # --- through the FMU ------------------------------------------------------------------------------
@@ -419,9 +423,8 @@ def test_only_what_the_fmu_says_at_the_solution_is_a_warning(
     )
     options = options_of(bound.continuation)
     options = replace(options, schedule=replace(options.schedule, starts=1), path=False)
-    identity = identify_fmu(workers.description, "test")
     asked = ReconstructionOptions(options, profiles=False)
-    found = reconstruct_through(workers, problem_of([bound]), identity, asked)
+    found = reconstruct_through(workers, problem_of([bound]), asked)
     said = of_kind(found.findings, Kind.fmu_warning)
     assert len(said) == warned
     assert len(found.provenance.notes) == noted

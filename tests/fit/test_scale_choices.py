@@ -28,7 +28,6 @@ from fitting.lab.writer import campaign_files
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation
 from fitting.measurements.sweep import Sweep
-from fitting.result.provenance import identify_fmu
 from fitting.signal.scale import Maximum, chi_robust, laboratory_maximum
 from fitting.text.arrays import FloatArray
 from tests.support import closed_form
@@ -191,9 +190,8 @@ def test_scales_through_the_fmu(swift_fmu: Path, tmp_path: Path, scale: str) -> 
         misfit="squares",
     )
     with FmuWorkers(swift_fmu, workers=2) as workers:
-        identity = identify_fmu(workers.description, "test")
         asked = ReconstructionOptions(options, profiles=False)
-        result = reconstruct_through(workers, problem, identity, asked)
+        result = reconstruct_through(workers, problem, asked)
     width = result.derived["width_plus"]
     assert abs(width.value - bench.modes.widths_hz()[0]) < 3.0 * width.std
     assert width.std < 1.5

@@ -23,7 +23,6 @@ from fitting.lab.bench import Bench, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.writer import campaign_files
 from fitting.report.screen import phrases
-from fitting.result.provenance import Identity
 from fitting.result.result import Result, read_result
 from fitting.text.arrays import FloatArray
 from fitting.text.finding import Kind
@@ -266,7 +265,7 @@ def through(workers: FmuWorkers, bench: Bench, seed: int, folder: Path, *, quick
         bound = replace(bound, alternatives=bound.alternatives[:1])
     problem = problem_of([bound])
     asked = ReconstructionOptions(replace(options, schedule=schedule), profiles=False)
-    return reconstruct_through(workers, problem, Identity(), asked)
+    return reconstruct_through(workers, problem, asked)
 
 
 def width_of(bench: Bench) -> str:

@@ -26,7 +26,6 @@ from fitting.fit.problem import problem_of
 from fitting.fmu.pool import FmuWorkers
 from fitting.lab.string import TwoModes, steady_state
 from fitting.report.summary import detail_lines, result_lines
-from fitting.result.provenance import identify_fmu
 from fitting.result.result import Result
 from fitting.text.arrays import FloatArray
 from fitting.text.records import to_plain
@@ -286,10 +285,9 @@ def fit(scene: Scene, workers: FmuWorkers, folder: Path, *, profiles: bool = Fal
 def fit_bound(path: Path, workers: FmuWorkers, *, profiles: bool = False) -> Result:
     """The result of a campaign that is written, checked likewise."""
     bound = bind(read_campaign(path), workers.description.variables)
-    identity = identify_fmu(workers.description, "test")
     options = options_of(bound.continuation)
     asked = ReconstructionOptions(options, profiles=profiles)
-    result = reconstruct_through(workers, problem_of([bound]), identity, asked)
+    result = reconstruct_through(workers, problem_of([bound]), asked)
     speaks_plainly(result)
     return result
 

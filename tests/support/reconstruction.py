@@ -4,18 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
+from pathlib import Path
 
 from fitting.fit.fit import Fit, solve_problem, with_path
 from fitting.fit.options import Options
 from fitting.fit.path import Hooks
 from fitting.fit.problem import Problem, plan_problem
+from fitting.fmu.description import FmuDescription
 from fitting.fmu.pool import FmuWorkers
 from fitting.inference.infer import Inference, InferenceRequest, infer
 from fitting.measurements.measurement import Response
 from fitting.result.assembly import result_of, result_through
-from fitting.result.provenance import Identity, provenance_of
+from fitting.result.provenance import provenance_of
 from fitting.result.result import Result
 from fitting.text.arrays import Scalar
+
+#: What stands for the FMU of a result where a closed form answers.
+NO_FMU = FmuDescription(
+    path=Path("none.fmu"),
+    model_name="closed form",
+    fmi_version="",
+    guid="",
+    model_identifier="",
+    one_instance_per_process=False,
+    sha256="",
+    generation_tool="",
+    description="",
+    platforms=(),
+    needs_execution_tool=False,
+    variables={},
+)
 
 
 @dataclass(frozen=True)
@@ -32,16 +50,16 @@ class ReconstructionOptions:
 def reconstruct(
     problem: Problem,
     respond: Callable[[Mapping[str, Scalar]], Response],
-    identity: Identity,
     request: ReconstructionOptions,
+    units: Mapping[str, str] | None = None,
 ) -> Result:
     """Fit a problem, infer what its data determine, and put both into one record.
 
     Args:
         problem: parameters and measurements.
         respond: makes the response of one alternative.
-        identity: what is said of the model.
         request: how it is solved, watched, and what is inferred.
+        units: of its outputs, by name.
 
     Raises:
         FmuFailure: the model failed inside the box.
@@ -49,21 +67,19 @@ def reconstruct(
     begun = request.hooks.clock()
     fit = solve_problem(problem, respond, request.options, request.hooks)
     fit = with_path(fit, request.hooks)
-    inference = _inferred(fit, identity, request)
-    provenance = provenance_of(problem, identity, request.options)
+    inference = _inferred(fit, units or {}, request)
+    provenance = provenance_of(problem, NO_FMU, "test", request.options)
     result = result_of(inference.fit, inference, provenance)
     return replace(result, seconds=request.hooks.clock() - begun)
 
 
-def _inferred(fit: Fit, identity: Identity, options: ReconstructionOptions) -> Inference:
-    request = InferenceRequest(
-        units=identity.units, profiles=options.profiles, bootstrap=options.bootstrap
-    )
+def _inferred(fit: Fit, units: Mapping[str, str], options: ReconstructionOptions) -> Inference:
+    request = InferenceRequest(units=units, profiles=options.profiles, bootstrap=options.bootstrap)
     return infer(fit, request)
 
 
 def reconstruct_through(
-    workers: FmuWorkers, problem: Problem, identity: Identity, request: ReconstructionOptions
+    workers: FmuWorkers, problem: Problem, request: ReconstructionOptions
 ) -> Result:
     """Solve a problem with running FMU workers; with the plan and the FMU's warnings.
 
@@ -72,7 +88,6 @@ def reconstruct_through(
     Args:
         workers: of the FMU.
         problem: parameters and measurements.
-        identity: what is said of the FMU.
         request: how the problem is solved, watched, and what is inferred.
 
     Raises:
@@ -83,6 +98,7 @@ def reconstruct_through(
     planned = plan_problem(problem, workers)
     fit = solve_problem(problem, planned.response, request.options, request.hooks)
     fit = with_path(fit, request.hooks)
-    inference = _inferred(fit, identity, request)
+    units = {name: v.unit or "" for name, v in workers.description.variables.items()}
+    inference = _inferred(fit, units, request)
     seconds = request.hooks.clock() - begun
-    return result_through(planned, inference.fit, inference, identity, seconds)
+    return result_through(planned, inference.fit, inference, "test", seconds)

@@ -72,7 +72,7 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
         # the finished levels of this very job, or none yet
         method, starts = _method(args, problem), _starts(args)
         options = search_options(problem, method, starts, args.seed)
-        memory = kept_levels(out, problem, options, command, resume=args.resume)
+        memory = kept_levels(out, problem, options, resume=args.resume)
         if args.resume:
             print(memory.resumed())
         profiles, refits = not args.no_profiles, args.bootstrap or 0
