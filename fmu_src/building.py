@@ -223,10 +223,10 @@ def _compiled(
     def entries(identity: _Identity) -> dict[str, bytes]:
         licence = (ROOT / "LICENSE").read_bytes()
         model = (model_class, job.name, job.overrides, identity.guid)
-        told = native_binary.description(*model, interface)
+        given = native_binary.description(*model, interface)
         page = _page(job, model_class, identity, interface.derivatives).encode()
         made = {
-            "modelDescription.xml": told,
+            "modelDescription.xml": given,
             native_binary.RECORD: native_binary.record(job.model, job.overrides, platforms, fmi),
             "documentation/index.html": page,
             "documentation/licenses/license.txt": licence,
@@ -356,15 +356,15 @@ def loaded(source: Path, module: str | None) -> Iterator[Any]:
 def needed_modules(source: Path, *modules: str) -> list[str]:
     """Return the modules of the package that some of them need, themselves included, sorted."""
     needed: set[str] = set()
-    found = list(modules)
-    while found:
-        name = found.pop()
+    result = list(modules)
+    while result:
+        name = result.pop()
         if name in needed or not (source / f"{name}.py").is_file():
             continue
         needed.add(name)
         for node in ast.walk(ast.parse((source / f"{name}.py").read_bytes())):
             if isinstance(node, ast.ImportFrom) and node.level == 1:
-                found += [node.module] if node.module else [alias.name for alias in node.names]
+                result += [node.module] if node.module else [alias.name for alias in node.names]
     return sorted(needed)
 
 
@@ -420,7 +420,7 @@ def _archive(entries: Mapping[str, bytes]) -> bytes:
 
 
 def _write_whole(path: Path, content: bytes) -> Path:
-    """Write under a temporary name and rename, so that nobody meets half an FMU."""
+    """Write under a temporary name and rename, so that no reader meets half an FMU."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         temporary.write_bytes(content)

@@ -321,8 +321,8 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         for tone, ((u, size, phase), offset) in enumerate(zip(solver.p.tones, solver.offsets)):
             if size:
                 turn = TWO_PI * (Frequency(u).cycles(self.time) + offset) + phase
-                seen = self._read_out(solver.response(u).sideband(0)) / FOUR_PI_SQUARED
-                parts[tone] = (seen * cmath.rect(size, turn)).real
+                observed = self._read_out(solver.response(u).sideband(0)) / FOUR_PI_SQUARED
+                parts[tone] = (observed * cmath.rect(size, turn)).real
         return self._read_out(q).real, *q, *parts
 
     def _read_out(self, q: Sequence[complex]) -> complex:
@@ -337,19 +337,19 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         carrier, sides = [nothing, nothing], [0j] * 4
         for tone, (u, size, phase) in enumerate(p.tones):
             if size:
-                found = solver.response(u)
+                result = solver.response(u)
                 amplitude = cmath.rect(size, phase) / FOUR_PI_SQUARED
-                carrier[tone] = [amplitude * x for x in self._seen(found, 0)]
+                carrier[tone] = [amplitude * x for x in self._observed(result, 0)]
                 for place, (_, side, _) in enumerate(SIDES):
                     turn = cmath.rect(1.0, side * p.pump_phase)
-                    sides[2 * tone + place] = amplitude * turn * self._seen(found, side)[0]
+                    sides[2 * tone + place] = amplitude * turn * self._observed(result, side)[0]
         ordered = [*(carrier[tone][i] for i in range(n + 1) for tone in (0, 1)), *sides]
         parts = [part for z in ordered for part in (z.real, z.imag)]
         return *parts, *self._left_out(), self._sidebands(), *self._unpumped()
 
-    def _seen(self, found: Steady, k: int) -> list[complex]:
+    def _observed(self, result: Steady, k: int) -> list[complex]:
         """Return a sideband of read-out and modes."""
-        x = found.sideband(k)
+        x = result.sideband(k)
         return [self._read_out(x), *x]
 
     def _active(self) -> list[float]:
@@ -363,10 +363,10 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
             return worst
         reach = math.hypot(*self._row("readout"))
         for u in self._active():
-            found, full = solver.response(u), solver.full_response(u)
-            cut = found.bound + (full.bound if solver.envelope else 0.0)
-            pairs_seen = zip(self._seen(found, 0), self._seen(full, 0))
-            for i, (x, truth) in enumerate(pairs_seen):
+            result, full = solver.response(u), solver.full_response(u)
+            cut = result.bound + (full.bound if solver.envelope else 0.0)
+            pairs_observed = zip(self._observed(result, 0), self._observed(full, 0))
+            for i, (x, truth) in enumerate(pairs_observed):
                 error = abs(x - truth) + cut * (1.0 if i else reach)
                 if error:
                     worst[i] = max(worst[i], error / abs(truth) if truth else 1.0)
@@ -376,8 +376,8 @@ class CoupledModes(DrivenSlave["ModesSolver | ModesRungeKutta"]):
         solver = self.running()
         if not solver.p.pumped:
             return 0.0
-        found = [solver.response(u) for u in self._active()]
-        return float(max((max(f.below, len(f.sidebands) - 1 - f.below) for f in found), default=0))
+        result = [solver.response(u) for u in self._active()]
+        return float(max((max(f.below, len(f.sidebands) - 1 - f.below) for f in result), default=0))
 
     def _unpumped(self) -> list[float]:
         """Return eigenfrequencies, line widths and Qs of the coupled modes without pump."""

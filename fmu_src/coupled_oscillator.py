@@ -122,10 +122,10 @@ class CoupledOscillator(TwoModeSlave["LinearSolver | RungeKuttaSolver | SingleMo
         p = solver.p
         if isinstance(solver, RungeKuttaSolver) or not (p.g1 or p.g2):
             return 0.0, 0.0
-        found = [
+        result = [
             error(p, solver.response(u), u) for u, size in ((p.u1, p.A1), (p.u2, p.A2)) if size
         ]
-        return max((e[0] for e in found), default=0.0), max((e[1] for e in found), default=0.0)
+        return max((e[0] for e in result), default=0.0), max((e[1] for e in result), default=0.0)
 
     def new_solver(
         self, p: Parameters, offsets: tuple[float, float]

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
             ...
 
         def snapshot(self) -> dict[str, Any]:
-            """Return what must be stored, beside the parameters, to continue bit for bit."""
+            """Return what must be stored, besides parameters, to continue bit for bit."""
             ...
 
         def restore(self, snapshot: dict[str, Any]) -> None:

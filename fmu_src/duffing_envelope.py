@@ -126,7 +126,7 @@ class EnvelopeSolver:
     def _repeat(self, t: float) -> None:
         """Let every period of the settled motion from ``t`` s on be a copy of the first."""
         self._period = period_of(self.model, t)
-        self._outset = self._reached[1], self._scale, self._next
+        self._origin = self._reached[1], self._scale, self._next
 
     def _begin(self, t: float, w: Pair) -> None:
         """Stand at ``t`` s with ``w``, before the first step."""
@@ -138,7 +138,7 @@ class EnvelopeSolver:
 
     def _stand(self, t: float, w: Pair) -> None:
         self._turns = self.model.turns(t)
-        n1, n2, _, _ = self.model.slope(w, self.model.turned(self._turns))
+        n1, n2, _, _ = self.model.slope(w, self.model.rotated(self._turns))
         self._step: Step | None = None
         self._reached = t, w, (n1, n2)
         self._read: tuple[float, Pair] | None = None
@@ -164,12 +164,12 @@ class EnvelopeSolver:
             )
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what must be stored, beside the parameters, to continue bit for bit."""
+        """Return what must be stored, besides parameters, to continue bit for bit."""
         step, period = self._step, self._period
         t, w = (step.t, step.y) if step else self._reached[:2]
         scale, following = self._scale, self._next
         if period is not None:  # its steps are taken anew
-            t, (w, scale, following) = period.begin, self._outset
+            t, (w, scale, following) = period.begin, self._origin
         return {
             "t": t,
             "w": [w[0].real, w[0].imag, w[1].real, w[1].imag],
@@ -204,9 +204,9 @@ class EnvelopeSolver:
         q1, q2 = self._amplitudes(t)
         return abs(q1) ** 2, abs(q2) ** 2
 
-    def averaging_error(self, t: float, found: float) -> float:
+    def averaging_error(self, t: float, result: float) -> float:
         """Return the bound of what averaging leaves out at ``t`` s, with the shift ``found``."""
-        return self.model.averaging_error(self._slow(t), t, found)
+        return self.model.averaging_error(self._slow(t), t, result)
 
     def _amplitudes(self, t: float) -> Pair:
         """Return Q at ``t`` s; the last answer is kept for the next reader."""
@@ -272,24 +272,24 @@ class EnvelopeSolver:
         there = self._turns_after = model.turns(t + h)
         lone = model.lone
         if lone is None:
-            turned = model.turned
-            forces = turned(probed), turned(middle), turned(there)
+            rotated = model.rotated
+            forces = rotated(probed), rotated(middle), rotated(there)
             return take_step(self._reached, h, pair, model.slope, forces)
-        own = model.lone_turned
+        own = model.lone_rotated
         forced = own(probed), own(middle), own(there)
         return take_lone_step(self._reached, h, pair, model.lone_slope, forced, lone)
 
     def _coefficients_of(self, h: float) -> Coefficients:
         """Return the coefficients of a step of ``h`` s, kept for the next one of this length."""
-        found = self._coefficients.get(h)
-        if found is None:
+        result = self._coefficients.get(h)
+        if result is None:
             first, second = self.model.rates
             onwards = self.model.onwards
             pair = weights(first, h), weights(second, h)
             kept = math.exp(min(first.real, 0.0) * h), math.exp(min(second.real, 0.0) * h)
-            found = Coefficients(pair, onwards(PROBE * h), onwards(0.5 * h), kept)
-            self._coefficients[h] = found
-        return found
+            result = Coefficients(pair, onwards(PROBE * h), onwards(0.5 * h), kept)
+            self._coefficients[h] = result
+        return result
 
     def _accept(self, step: Step) -> None:
         self._step = step
@@ -312,10 +312,10 @@ class EnvelopeSolver:
         if not math.isfinite(worst) or not math.isfinite(sum(step.largest)):
             raise OverflowError
         squares = step.largest[0] ** 2, step.largest[1] ** 2
-        found = shift(self.cubic, squares, self.model.centre)
-        if worst <= 1.0 and not found <= LARGEST_SHIFT:
+        result = shift(self.cubic, squares, self.model.centre)
+        if worst <= 1.0 and not result <= LARGEST_SHIFT:
             raise ModelError(
-                f"the cubic terms shift the frequency by {found!r} of the drive's at t = "
+                f"the cubic terms shift the frequency by {result!r} of the drive's at t = "
                 f"{step.end!r} s, beyond the {LARGEST_SHIFT!r} up to which an envelope holds; "
                 "use solver 2 (rk4)"
             )

@@ -151,11 +151,11 @@ class Step(NamedTuple):
         if t == self.end:
             return self.y_end
         theta = (t - self.t) / self.h
-        found = [
+        result = [
             spread(rate, self.h, theta).value(y, slopes) if y or any(slopes) else 0j
             for rate, y, slopes in zip(rates, self.y, self.slopes)
         ]
-        return found[0], found[1]
+        return result[0], result[1]
 
 
 def take_step(
@@ -189,8 +189,8 @@ def take_step(
     n1, n2, q1, q2 = slope(end, there)
     p1, p2, _, _ = slope((w.probe.value(y1, slopes[0]), v.probe.value(y2, slopes[1])), probed)
     missed = [
-        weight.missed * abs(p - sum(k * n for k, n in zip(PARABOLA, found)))
-        for weight, p, found in zip(pair, (p1, p2), slopes)
+        weight.missed * abs(p - sum(k * n for k, n in zip(PARABOLA, result)))
+        for weight, p, result in zip(pair, (p1, p2), slopes)
     ]
     return Step(
         t,
@@ -227,9 +227,9 @@ def take_lone_step(
     slopes = a, b + c, d
     end = full.value(y, slopes)
     n, q = slope(end, there)
-    found, _ = slope(probe.value(y, slopes), probed)
+    result, _ = slope(probe.value(y, slopes), probed)
     parabola = PARABOLA[0] * a + PARABOLA[1] * slopes[1] + PARABOLA[2] * d
-    largest, error = max(abs(q), abs(qb), abs(qc)), missed * abs(found - parabola)
+    largest, error = max(abs(q), abs(qb), abs(qc)), missed * abs(result - parabola)
     other = pair[1 - lone].full.turn * both[1 - lone]
     if lone:
         return Step(

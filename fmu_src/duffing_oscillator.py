@@ -126,13 +126,13 @@ class DuffingOscillator(TwoModeSlave["EnvelopeSolver | DuffingRungeKutta"]):
         Its bound takes as long as a step, and most runs do not ask for it.
         """
         solver = self.running()
-        found = shift(solver.cubic, solver.squares(self.time), solver.centre)
-        return *super().moving_outputs(), found, 0.0
+        result = shift(solver.cubic, solver.squares(self.time), solver.centre)
+        return *super().moving_outputs(), result, 0.0
 
     def costly_output(self) -> float:
         """Return the bound of what averaging costs."""
-        found: float = self.value(SHIFT.name)
-        return self.running().averaging_error(self.time, found)
+        result: float = self.value(SHIFT.name)
+        return self.running().averaging_error(self.time, result)
 
     def new_solver(
         self, p: Parameters, offsets: tuple[float, float]

@@ -63,7 +63,7 @@ class Period:
 
 
 def period_of(model: SlowModel, begin: float) -> Period | None:
-    """Return the empty period from ``begin`` s on, None where no number tells its length."""
+    """Return the empty period from ``begin`` s on, None where no number gives its length."""
     length = 1.0 / abs(model.detunings[0] - model.detunings[1])
     lasts = math.isfinite(length) and begin < begin + length
     return Period(model, begin, length) if lasts else None

@@ -32,7 +32,7 @@ INDEPENDENT = 0.1
 class Plane(NamedTuple):
     """S in 1/s and what is made of it, in a frame that rotates at a given frequency.
 
-    ``gain`` is (2 Im S)^-1 in s. The coordinates w of y = V w have the ``rates``, beside which
+    ``gain`` is (2 Im S)^-1 in s. The coordinates w of y = V w have the ``rates``, apart from which
     ``cross`` is left where the eigenvectors do not serve; ``mix`` holds V12 and V21, V11 = V22 = 1.
     """
 

@@ -89,7 +89,7 @@ class DuffingRungeKutta(RungeKuttaSolver):
         omega = TWO_PI * self.centre
         return q1 * q1 + (v1 / omega) ** 2, q2 * q2 + (v2 / omega) ** 2
 
-    def averaging_error(self, t: float, found: float) -> float:
+    def averaging_error(self, t: float, result: float) -> float:
         """Return what averaging leaves out: nothing is averaged here."""
         return 0.0
 

@@ -139,7 +139,7 @@ class SlowModel:
 
     def linear(self, t: float) -> Pair:
         """Return the slow amplitudes of the linear periodic response at ``t`` s, in m."""
-        return self.turned(self.turns(t))
+        return self.rotated(self.turns(t))
 
     def turns(self, t: float) -> list[complex]:
         """Return each tone's phase in the frame at ``t`` s, as a complex number of size 1."""
@@ -152,7 +152,7 @@ class SlowModel:
         """Return what the turns of the tones are multiplied by in ``h`` s."""
         return [cmath.rect(1.0, TWO_PI * tone.detuning.cycles(h)) for tone in self.tones]
 
-    def turned(self, turns: list[complex]) -> Pair:
+    def rotated(self, turns: list[complex]) -> Pair:
         """Return what :meth:`linear` does, from the turns of the tones."""
         q1 = q2 = 0j
         for (r1, r2), turn in zip(self._responses, turns):
@@ -160,7 +160,7 @@ class SlowModel:
             q2 += r2 * turn
         return q1, q2
 
-    def lone_turned(self, turns: list[complex]) -> complex:
+    def lone_rotated(self, turns: list[complex]) -> complex:
         """Return what :meth:`turned` does, of the lone mode."""
         q = 0j
         for response, turn in zip(self._own_responses, turns):
@@ -295,20 +295,20 @@ class SlowModel:
     def _largest_share(self, errors: tuple[float, float], q: Pair, pace: Pair) -> float:
         """Return the largest part that the modes' errors are of a displacement, 1 at most."""
         t11, t12, t21, t22 = transformation(self.p.theta, self.p.reflection)
-        found = 0.0
+        result = 0.0
         for a, b in ((1.0, 0.0), (0.0, 1.0), (t11, t21), (t12, t22)):
             error = abs(a) * errors[0] + abs(b) * errors[1]
             size = self._size(a * q[0] + b * q[1], a * pace[0] + b * pace[1])
             if error > 0.0:
-                found = max(found, error / size if error < size else 1.0)
-        return found
+                result = max(result, error / size if error < size else 1.0)
+        return result
 
     def _pace(self, w: Pair, linear: Pair, t: float) -> Pair:
         """Return Q' over pi |u1 - u2| of both modes, which turns with two lines of a beat."""
         if not self._spread:
             return 0j, 0j
-        turned = [1j * TWO_PI * d * turn for d, turn in zip(self.detunings, self.turns(t))]
-        d1, d2 = self.turned(turned)
+        rotated = [1j * TWO_PI * d * turn for d, turn in zip(self.detunings, self.turns(t))]
+        d1, d2 = self.rotated(rotated)
         n1, n2, _, _ = self.slope(w, linear)
         y1, y2 = self.plane.amplitudes(self.rates[0] * w[0] + n1, self.rates[1] * w[1] + n2)
         scale = 1.0 / (0.5 * TWO_PI * self._spread * self.centre)
@@ -326,12 +326,12 @@ class SlowModel:
         across, room = omega * TWO_PI * abs(widths.w12), 6.0 * eps * omega * omega
         if across == 0.0:
             return 0.0, 0.0
-        found = []
+        result = []
         for eta, width in ((self.p.eta_plus, widths.w11), (self.p.eta_minus, widths.w22)):
             apart = abs(TWO_PI * (eta - self.centre) * TWO_PI * (eta + self.centre))
             resists = abs(complex(max(apart - room, 0.0), omega * TWO_PI * width))
-            found.append(across / resists if across < 1e300 * resists else 1e300)
-        return found[0], found[1]
+            result.append(across / resists if across < 1e300 * resists else 1e300)
+        return result[0], result[1]
 
     # -- the full motion ------------------------------------------------------------------------
 
@@ -346,7 +346,7 @@ class SlowModel:
     def full_state(self, w: Pair, t: float) -> State:
         """Return displacements and velocities over 2 pi."""
         turn = cmath.rect(1.0, TWO_PI * self._carrier.cycles(t))
-        rest1, rest2 = self._beside(w, self.linear(t), t, turn)
+        rest1, rest2 = self._next_to(w, self.linear(t), t, turn)
         y1, y2 = self.plane.amplitudes(*w)
         z1, z2 = y1 * turn + rest1, y2 * turn + rest2
         s11, s12, s21, s22 = self.plane.solvent
@@ -361,7 +361,7 @@ class SlowModel:
     def slow_state(self, state: State, t: float) -> Pair:
         """Return w, the inverse of ``full_state``.
 
-        What lies beside w depends on it through the cubic forces: iterated, it gains the factor
+        What lies next to w depends on it through the cubic forces: iterated, it gains the factor
         of the relative frequency shift each time.
         """
         q1, q2 = state[0].real, state[1].real
@@ -374,11 +374,11 @@ class SlowModel:
         back = turn.conjugate()
         w = self.plane.coordinates(z1 * back - linear[0], z2 * back - linear[1])
         for _ in range(12):
-            rest1, rest2 = self._beside(w, linear, t, turn)
+            rest1, rest2 = self._next_to(w, linear, t, turn)
             w = self.plane.coordinates((z1 - rest1) * back, (z2 - rest2) * back)
         return w
 
-    def _beside(self, w: Pair, linear: Pair, t: float, turn: complex) -> Pair:
+    def _next_to(self, w: Pair, linear: Pair, t: float, turn: complex) -> Pair:
         """Return Z less y exp(i phi): the linear response and the parts away from the carrier."""
         ahead, mirror = [0j, 0j], [0j, 0j]
         for tone in self.tones:

@@ -22,8 +22,8 @@ def to_fmi3(old: Element) -> Element:
     root.append(_part(old, "UnitDefinitions"))
     categories = SubElement(root, "LogCategories")
     for category in _part(old, "LogCategories"):
-        told = category.get("description", "").replace("fmi2", "fmi3")
-        SubElement(categories, "Category", {**category.attrib, "description": told})
+        given = category.get("description", "").replace("fmi2", "fmi3")
+        SubElement(categories, "Category", {**category.attrib, "description": given})
     root.append(_part(old, "DefaultExperiment"))
     variables = list(_part(old, "ModelVariables"))
     _add_variables(root, variables)
@@ -37,8 +37,8 @@ def to_fmi3(old: Element) -> Element:
 
 
 def _part(root: Element, name: str) -> Element:
-    found = root.find(name)
-    return Element(name) if found is None else found
+    result = root.find(name)
+    return Element(name) if result is None else result
 
 
 def _add_interface(root: Element, old: Element) -> None:
@@ -52,8 +52,8 @@ def _add_interface(root: Element, old: Element) -> None:
         "providesDirectionalDerivative": "providesDirectionalDerivatives",
         "canHandleVariableCommunicationStepSize": "canHandleVariableCommunicationStepSize",
     }
-    told = {new: old.attrib[name] for name, new in names.items() if name in old.attrib}
-    SubElement(root, "CoSimulation", told)
+    given = {new: old.attrib[name] for name, new in names.items() if name in old.attrib}
+    SubElement(root, "CoSimulation", given)
 
 
 def _add_variables(root: Element, old: list[Element]) -> None:

@@ -145,7 +145,7 @@ def _symmetric(p: Parameters, on_f: Reals | list[float], on_coupling: Reals | li
 def _relative(pump: list[list[float]], values: list[float], shapes: list[list[float]]) -> float:
     """Return a bound of the 2-norm of C^-1/2 C_p C^-1/2."""
     n = len(values)
-    turned = [
+    rotated = [
         [
             sum(shapes[k][i] * pump[k][m] * shapes[m][j] for k in range(n) for m in range(n))
             / math.sqrt(max(values[i], 1e-300) * max(values[j], 1e-300))
@@ -153,7 +153,7 @@ def _relative(pump: list[list[float]], values: list[float], shapes: list[list[fl
         ]
         for i in range(n)
     ]
-    return frobenius(turned) * (1.0 + 1e-9)
+    return frobenius(rotated) * (1.0 + 1e-9)
 
 
 def _check_positive(p: Parameters, stiffness: Exact) -> None:

@@ -207,7 +207,7 @@ class ModesSolver:
         return solver
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what must be stored, beside the parameters, to continue bit for bit."""
+        """Return what must be stored, besides parameters, to continue bit for bit."""
         motion = None if self._motion is None else self._motion.snapshot()
         return {"motion": motion, "b": self.b, "offsets": list(self.offsets)}
 
@@ -252,10 +252,10 @@ class ModesSolver:
 
     def _lines(self, u: float, amplitude: complex, offset: float) -> Pumped:
         """Return the motion under a tone of complex amplitude, without lines that are rounding."""
-        found = self.response(u)
+        result = self.response(u)
         lines = []
-        for k in range(-found.below, len(found.sidebands) - found.below):
-            z = [amplitude * x / FOUR_PI_SQUARED for x in found.sideband(k)]
+        for k in range(-result.below, len(result.sidebands) - result.below):
+            z = [amplitude * x / FOUR_PI_SQUARED for x in result.sideband(k)]
             speed = 1j * (u + k * self.p.pump_hz)
             lines.append((k, [*z, *(speed * x for x in z)]))
         sizes = [max(map(abs, y[: self.n])) for _, y in lines]
@@ -287,7 +287,7 @@ class _Turning(NamedTuple):
 
 
 class _ExactMotion:
-    """The transient of the unpumped modes beside the turning drive, in 50 digits."""
+    """The transient of the unpumped modes next to the turning drive, in 50 digits."""
 
     def __init__(self, solver: ModesSolver, t: float) -> None:
         self.t, self.b = t, solver.b
@@ -403,7 +403,7 @@ class _PumpedMotion:
         self._flow = solver.flows.pumped()
         #: the transient as the generator has it: now, and where a period began
         self._free = [0.0] * (2 * solver.n)
-        self._begun: tuple[float, list[float]] | None = None
+        self._started: tuple[float, list[float]] | None = None
         self._first = 0.0
 
     def begin(self, state: State) -> None:
@@ -412,7 +412,7 @@ class _PumpedMotion:
         self._set(self._times([float(a) - b for a, b in zip(state, orbit)], 1.0 / self._factor))
 
     def _set(self, free: list[float]) -> None:
-        self._free, self._begun = free, None
+        self._free, self._started = free, None
         self._first = max(map(abs, free))
 
     @property
@@ -435,10 +435,10 @@ class _PumpedMotion:
     def advance(self, t: float) -> None:
         """Move on to ``t`` s."""
         if t > self.t:
-            if self._begun is None:
+            if self._started is None:
                 self._follow(t)
-            if self._begun is not None:
-                self._from_table(t, *self._begun)
+            if self._started is not None:
+                self._from_table(t, *self._started)
         self.t = t
 
     def _follow(self, t: float) -> None:
@@ -447,14 +447,14 @@ class _PumpedMotion:
         rest = (1.0 - cycles) / self._solver.p.pump_hz
         span = t - self.t
         if self._solver.flows.by_period and rest <= span:
-            self._begun = self.t + rest, self._flow.moved(self._free, rest, TWO_PI * cycles)
+            self._started = self.t + rest, self._flow.moved(self._free, rest, TWO_PI * cycles)
         else:
             self._free = self._flow.moved(self._free, span, TWO_PI * cycles)
 
-    def _from_table(self, t: float, begun: float, y: list[float]) -> None:
+    def _from_table(self, t: float, started: float, y: list[float]) -> None:
         # the pump's own phase says where in the period t is; the count only needs to be near
         fraction = self._solver.pump_cycles(t) % 1.0
-        periods = round((t - begun) * self._solver.p.pump_hz - fraction)
+        periods = round((t - started) * self._solver.p.pump_hz - fraction)
         self._free = self._solver.flows.table().after(
             y, max(periods, 0), fraction if periods >= 0 else 0.0
         )
@@ -476,14 +476,14 @@ class _PumpedMotion:
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state."""
-        begun = None if self._begun is None else [self._begun[0], list(self._begun[1])]
-        return {"t": self.t, "free": list(self._free), "first": self._first, "begun": begun}
+        started = None if self._started is None else [self._started[0], list(self._started[1])]
+        return {"t": self.t, "free": list(self._free), "first": self._first, "started": started}
 
     def restore(self, snapshot: dict[str, Any]) -> None:
         """Take up a snapshot."""
         self._free, self._first = list(snapshot["free"]), snapshot["first"]
-        begun = snapshot["begun"]
-        self._begun = None if begun is None else (begun[0], list(begun[1]))
+        started = snapshot["started"]
+        self._started = None if started is None else (started[0], list(started[1]))
 
 
 def _precise(z: complex) -> Precise:

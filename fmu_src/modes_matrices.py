@@ -45,13 +45,13 @@ def solve_precise(matrix: list[list[Precise]], right: Sequence[Precise]) -> list
                 factor = rows[k][i] / rows[i][i]
                 for j in range(i + 1, n + 1):
                     rows[k][j] = rows[k][j] - factor * rows[i][j]
-    found: list[Precise] = []
+    result: list[Precise] = []
     for i in reversed(range(n)):
         rest = rows[i][n]
-        for j, x in zip(range(n - 1, i, -1), found):
+        for j, x in zip(range(n - 1, i, -1), result):
             rest = rest - rows[i][j] * x
-        found.append(rest / rows[i][i])
-    return found[::-1]
+        result.append(rest / rows[i][i])
+    return result[::-1]
 
 
 def product(a: Sequence[Sequence[complex]], b: Sequence[Sequence[complex]]) -> Complex:
@@ -101,7 +101,7 @@ def eigensystem(matrix: Real) -> tuple[list[float], list[list[float]]]:
 
 
 def _counts(a: list[list[float]], i: int, j: int) -> bool:
-    """Return whether an entry beside the diagonal is more than rounding."""
+    """Return whether an entry off the diagonal is more than rounding."""
     return abs(a[i][j]) > 1e-17 * math.sqrt(abs(a[i][i])) * math.sqrt(abs(a[j][j]))
 
 
@@ -111,9 +111,9 @@ def _rotate(a: list[list[float]], v: list[list[float]], i: int, j: int) -> None:
     t = math.copysign(1.0, slope) / (abs(slope) + math.hypot(1.0, slope))
     c = 1.0 / math.hypot(1.0, t)
     s = t * c
-    turned = t * a[i][j]
-    a[i][i] -= turned
-    a[j][j] += turned
+    rotated = t * a[i][j]
+    a[i][i] -= rotated
+    a[j][j] += rotated
     a[i][j] = a[j][i] = 0.0
     for k in range(len(a)):
         if k not in (i, j):

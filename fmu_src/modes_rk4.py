@@ -119,13 +119,13 @@ class ModesRungeKutta:
     def _acceleration(self, moment: Moment, q: Sequence[float], v: Sequence[float]) -> list[float]:
         """Return x'' of the modes."""
         pump, force = moment
-        found = []
+        result = []
         for i, (gain, damping) in enumerate(zip(self.p.g, self._damping)):
             a = gain * force - damping * v[i]
             for stiff, pumped, x in zip(self._stiffness[i], self._pump[i], q):
                 a -= (stiff + pump * pumped) * x
-            found.append(a)
-        return found
+            result.append(a)
+        return result
 
     def displacement(self, t: float) -> list[float]:
         """Return the displacements at the communication point reached."""
@@ -143,7 +143,7 @@ class ModesRungeKutta:
         return solver
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what must be stored, beside the parameters, to continue bit for bit."""
+        """Return what must be stored, besides parameters, to continue bit for bit."""
         return {
             "t": self.t,
             "q": list(self._q),

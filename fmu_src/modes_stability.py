@@ -10,7 +10,7 @@ l-th sideband off 0 on either side, as far as v_k^2 <= C/2, and 0 further out. I
 
 m the number of such sidebands on one side: a pump between modes (u_p far below them) couples them
 without loss or gain but for the m-th power of its depth. Where that does not do (u_p near a sum of
-eigenfrequencies), the matrix over one pump period is integrated and its powers tell.
+eigenfrequencies), the matrix over one pump period is integrated and its powers decide.
 """
 
 from __future__ import annotations

@@ -57,12 +57,12 @@ class Frame(NamedTuple):
     pump_hz: float
 
     def square(self, v: float) -> float:
-        """Return what stands for v^2."""
+        """Return what is v^2."""
         c = self.centre
         return v * v if c is None else c * (2.0 * v - c)
 
     def carrier(self, v: float) -> float:
-        """Return what stands for v before D."""
+        """Return what is v before D."""
         return v if self.centre is None else self.centre
 
     def block(self, v: Decimal) -> list[list[Precise]]:
@@ -85,7 +85,7 @@ class Frame(NamedTuple):
         return rows
 
     def _exact(self, v: Decimal) -> tuple[Decimal, Decimal]:
-        """Return what stands for v^2 and for v before D."""
+        """Return what is v^2, and v before D."""
         if self.centre is None:
             return v * v, v
         c = Decimal(self.centre)
@@ -122,9 +122,9 @@ class Wanted(NamedTuple):
                 hold.
         """
         size = length(carrier)
-        seen = abs(sum(w * x for w, x in zip(self.readout, carrier)))
-        if seen:
-            size = min(size, seen / math.hypot(*self.readout))
+        observed = abs(sum(w * x for w, x in zip(self.readout, carrier)))
+        if observed:
+            size = min(size, observed / math.hypot(*self.readout))
         return max(self.tolerance * size, TOLERANCES[0] * largest)
 
 
@@ -187,18 +187,18 @@ def _pumped(frame: Frame, g: Sequence[float], u: float, wanted: Wanted) -> Stead
                 f"sidebands of a drive at {u!r} Hz: a faster or a weaker pump is wanted"
             )
         chain = _Chain(frame, u, below, above)
-        found = chain.solved(g)
-        sizes = [length(x) for x in found]
-        cut, rounding = chain.errors(g, found, sizes, tails)
-        most = wanted.error(found[below], max(sizes))
+        result = chain.solved(g)
+        sizes = [length(x) for x in result]
+        cut, rounding = chain.errors(g, result, sizes, tails)
+        most = wanted.error(result[below], max(sizes))
         ends = max(sizes[0], sizes[-1])
         if ends * cut <= most and not (ends + rounding) * cut + rounding <= most:
-            found, rounding = chain.corrected(g, found), 0.0
-            ends = max(length(found[0]), length(found[-1]))
+            result, rounding = chain.corrected(g, result), 0.0
+            ends = max(length(result[0]), length(result[-1]))
         bound = (ends + rounding) * cut + rounding
         if bound <= most:
             # and the way to the outputs: amplitude, phase, sum over the modes
-            return Steady(found, below, bound + (len(g) + 12) * EPSILON * sum(sizes), [])
+            return Steady(result, below, bound + (len(g) + 12) * EPSILON * sum(sizes), [])
         above, below = above + 1 + above // 4, below + 1 + below // 4
 
 
@@ -248,17 +248,17 @@ class _Chain:
 
     def solved(self, g: Sequence[float]) -> list[Rounded]:
         """Return X_k for a drive g of X_0, in doubles."""
-        found = {0: applied(self.inverses[0], g)}
+        result = {0: applied(self.inverses[0], g)}
         for sign, most in ((1, self.above), (-1, self.below)):
             for k in range(1, most + 1):
-                found[sign * k] = applied(self.ratios[sign * k], found[sign * (k - 1)])
-        return [found[k] for k in range(-self.below, self.above + 1)]
+                result[sign * k] = applied(self.ratios[sign * k], result[sign * (k - 1)])
+        return [result[k] for k in range(-self.below, self.above + 1)]
 
-    def corrected(self, g: Sequence[float], found: Sequence[Rounded]) -> list[Rounded]:
+    def corrected(self, g: Sequence[float], result: Sequence[Rounded]) -> list[Rounded]:
         """Return X_k, corrected by residuals of 50 digits until doubles can hold no more."""
         blocks = [self.frame.block(v) for v in self._at]
-        exact = [[_precise(x) for x in row] for row in found]
-        before = max(abs(x) for row in found for x in row)
+        exact = [[_precise(x) for x in row] for row in result]
+        before = max(abs(x) for row in result for x in row)
         while True:
             change = self._solved_for(self._residual(blocks, g, exact))
             exact = [[x + _precise(y) for x, y in zip(*rows)] for rows in zip(exact, change)]
@@ -273,19 +273,19 @@ class _Chain:
             before = size
 
     def _residual(
-        self, blocks: Sequence[list[Vector]], g: Sequence[float], found: Sequence[Vector]
+        self, blocks: Sequence[list[Vector]], g: Sequence[float], result: Sequence[Vector]
     ) -> list[Rounded]:
         """Return what the equations leave, in the current decimal arithmetic, rounded."""
         half = Decimal("0.5")
         weights = [[half * x for x in row] for row in self.frame.matrices.pump]
         left = []
         for place, block in enumerate(blocks):
-            sides = [found[j] for j in (place - 1, place + 1) if 0 <= j < len(found)]
+            sides = [result[j] for j in (place - 1, place + 1) if 0 <= j < len(result)]
             rests = []
             for i, (row, weighted) in enumerate(zip(block, weights)):
                 rest = Precise(g[i] if place == self.below else 0.0)
                 for j, (x, weight) in enumerate(zip(row, weighted)):
-                    rest = rest - x * found[place][j]
+                    rest = rest - x * result[place][j]
                     if weight:
                         for y in (side[j] for side in sides):
                             rest = Precise(rest.re - weight * y.re, rest.im - weight * y.im)
@@ -302,20 +302,20 @@ class _Chain:
                 inward = applied(list(zip(*self.ratios[sign * k])), gathered[sign * k])
                 inner = gathered[sign * (k - 1)]
                 gathered[sign * (k - 1)] = [x + y for x, y in zip(inner, inward)]
-        found = {0: applied(self.inverses[0], gathered[0])}
+        result = {0: applied(self.inverses[0], gathered[0])}
         for sign, most in ((1, self.above), (-1, self.below)):
             for k in range(1, most + 1):
                 own = applied(self.inverses[sign * k], gathered[sign * k])
-                led = applied(self.ratios[sign * k], found[sign * (k - 1)])
-                found[sign * k] = [x + y for x, y in zip(own, led)]
-        return [found[k] for k in range(-self.below, self.above + 1)]
+                led = applied(self.ratios[sign * k], result[sign * (k - 1)])
+                result[sign * k] = [x + y for x, y in zip(own, led)]
+        return [result[k] for k in range(-self.below, self.above + 1)]
 
     # -- errors ---------------------------------------------------------------------------------
 
     def errors(
         self,
         g: Sequence[float],
-        found: Sequence[Rounded],
+        result: Sequence[Rounded],
         sizes: Sequence[float],
         tails: tuple[Tail, Tail],
     ) -> tuple[float, float]:
@@ -328,7 +328,7 @@ class _Chain:
         columns = [*reversed(low.columns(high)), *high.columns(low)[1:]]
         # of norms that are known to some digits alone
         rounding = 1.01 * sum(
-            column * rest for column, rest in zip(columns, self._rests(g, found, sizes))
+            column * rest for column, rest in zip(columns, self._rests(g, result, sizes))
         )
         quarter = 0.25 * self.frame.matrices.pump_norm**2
         cut = quarter * tails[0].schur, quarter * tails[1].schur
@@ -351,7 +351,7 @@ class _Chain:
         return _Spread(ratios, reach, own)
 
     def _rests(
-        self, g: Sequence[float], found: Sequence[Rounded], sizes: Sequence[float]
+        self, g: Sequence[float], result: Sequence[Rounded], sizes: Sequence[float]
     ) -> list[float]:
         """Return bounds of the 2-norms of what the equations of each block leave.
 
@@ -360,9 +360,9 @@ class _Chain:
         least = 8.0 * (len(g) + 2) * EPSILON
         half = 0.5 * self.frame.matrices.pump_norm
         none: Rounded = [0j] * len(g)
-        around, weights = [none, *found, none], [0.0, *sizes, 0.0]
+        around, weights = [none, *result, none], [0.0, *sizes, 0.0]
         rests = []
-        for place, (block, own) in enumerate(zip(self._blocks, found)):
+        for place, (block, own) in enumerate(zip(self._blocks, result)):
             sides = [x + y for x, y in zip(around[place], around[place + 2])]
             driven: Sequence[complex] = g if place == self.below else none
             pushed, tied = applied(block, own), applied(self._half_pump, sides)

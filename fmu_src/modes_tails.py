@@ -16,7 +16,7 @@ least damping, c_k = |v_k| (the envelope's: its centre), and s_k a bound of |S_k
    N of them come before those of 2, which fall to 1/3.7 each: their sum is z (sqrt(N) + 1/2).
 5. Below the lowest eigenfrequency e, on the way from v to -v, every a_k >= G = e^2 - v^2. If G >=
    2 p and a sideband m on the other side of 0 has p^2 s_m <= 2 G by 3, then 1 gives s_k <= 2/G for
-   all between at once: what resounds at -e is not walked to.
+   all between at once: what resounds at -e is not followed.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from .modes_steady import Frame
 
 #: Sidebands beyond the cut for which the recursion is walked, as it is the tightest bound.
-WALKED = 4
+FOLLOWED = 4
 #: Where a sideband of 5 is looked for, over e: damping bounds it best at e/sqrt(7).
 MIRROR = 0.38
 #: No more steps of the recursion than this, where nothing else bounds.
@@ -75,12 +75,12 @@ class Side:
         Raises ModelError where that would have to be looked for too far.
         """
         k = end + 1
-        while k < end + WALKED and not self._far(k):
+        while k < end + FOLLOWED and not self._far(k):
             k += 1
-        begun = self._begun(k)
-        if begun is None:
-            k, begun = self._walked_from(end)
-        schur, rest = begun
+        started = self._started(k)
+        if started is None:
+            k, started = self._followed_from(end)
+        schur, rest = started
         for inner in range(k - 1, end, -1):
             rest = self._half * schur * (1.0 + rest)
             following = self._recursion(inner, schur)
@@ -89,7 +89,7 @@ class Side:
             schur = following
         return Tail(end, schur, self._half * schur * (1.0 + rest))
 
-    def _begun(self, k: int) -> tuple[float, float] | None:
+    def _started(self, k: int) -> tuple[float, float] | None:
         """Return s_k and the sum of |X_j|, j > k, over |X_k|, by 2 to 5; None where none holds."""
         p, far = self._p, self._far(k)
         if far:
@@ -114,8 +114,8 @@ class Side:
         e = math.sqrt(self._frame.matrices.lowest)
         return math.floor((MIRROR * e - self._sign * self._u) / self._frame.pump_hz) + 1.0
 
-    def _walked_from(self, end: int) -> tuple[int, tuple[float, float]]:
-        """Return from where the recursion is walked to ``end``, and what ``_begun`` has of it.
+    def _followed_from(self, end: int) -> tuple[int, tuple[float, float]]:
+        """Return from where the recursion is followed to ``end``, and what ``_started`` has of it.
 
         That is where 5 begins to hold, below a resonance, or else a sideband beyond 0 Hz.
         """
@@ -123,9 +123,9 @@ class Side:
         gap = math.floor((-self._sign * self._u - below) / self._frame.pump_hz) + 1.0
         for k in (gap, self._mirror()):
             if end < k <= end + MOST_BOUNDED:
-                begun = self._begun(int(k))
-                if begun is not None:
-                    return int(k), begun
+                started = self._started(int(k))
+                if started is not None:
+                    return int(k), started
         raise ModelError(
             f"pump_hz = {self._frame.pump_hz!r} Hz is too slow: what more than {MOST_BOUNDED} "
             f"sidebands of a drive at {self._u!r} Hz do cannot be bounded"
@@ -168,5 +168,5 @@ class Side:
     def _recursion(self, k: int, outer: float) -> float:
         """Return s_k by 1, by 3 where that is less; inf where there is none."""
         rest = self._frame.distance(self.at(k)) - 0.25 * self._p * self._p * outer
-        found = 1.0 / rest if rest > 0.0 else math.inf
-        return min(found, self._damped(k)) if self._loss(k) else found
+        result = 1.0 / rest if rest > 0.0 else math.inf
+        return min(result, self._damped(k)) if self._loss(k) else result

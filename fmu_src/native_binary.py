@@ -87,7 +87,7 @@ THIS = {"linux": "linux64", "win32": "win64", "darwin": "darwin64"}
 
 @dataclass(frozen=True)
 class Toolchain:
-    """One compiler for one platform: the command, and what it needs beside ``COMPILE``."""
+    """One compiler for one platform: the command, and what it needs besides ``COMPILE``."""
 
     platform: str
     command: tuple[str, ...]
@@ -172,14 +172,14 @@ def headers_licence() -> bytes:
 def needed_sources(folder: Path, model: str, fmi: int = 2) -> list[Path]:
     """Return the C files that a model's module and the interface need, headers included."""
     needed: dict[str, Path] = {}
-    found = [f"{name}.c" for name in (model, *INTERFACE[fmi])]
-    while found:
-        name = found.pop()
+    result = [f"{name}.c" for name in (model, *INTERFACE[fmi])]
+    while result:
+        name = result.pop()
         if name in needed or not (folder / name).is_file():
             continue
         needed[name] = folder / name
         included = re.findall(r'^#include "(\w+)\.h"', needed[name].read_text("utf-8"), re.M)
-        found += [f"{stem}{end}" for stem in included for end in (".h", ".c")]
+        result += [f"{stem}{end}" for stem in included for end in (".h", ".c")]
     return [needed[name] for name in sorted(needed)]
 
 
@@ -309,8 +309,8 @@ def _run(command: Sequence[str], folder: Path) -> None:
         command, cwd=folder, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
     )
     if done.returncode != 0:
-        said = [line for line in done.stderr.splitlines() if "error" in line.lower()]
-        reason = (said or done.stderr.splitlines() or ["no message"])[0].strip()
+        message = [line for line in done.stderr.splitlines() if "error" in line.lower()]
+        reason = (message or done.stderr.splitlines() or ["no message"])[0].strip()
         raise BuildError(f"the C compiler {' '.join(command[:4])} failed: {reason}")
 
 

@@ -129,7 +129,7 @@ def _solve(p: Parameters, x: float, y: float, carrier: float, u: float) -> tuple
 def _damping_adjugate(p: Parameters) -> tuple[float, float]:
     """Return adj(D~ / 2 pi) g = d_low g + (d_high - d_low) n (n . g), n the column of T across.
 
-    Split so, the small damping coefficient keeps its digits beside a large one, and nothing is
+    Split so, the small damping coefficient keeps its digits next to a large one, and nothing is
     left of the coupling where both are equal.
     """
     t11, t12, t21, t22 = transformation(p.theta, p.reflection)

@@ -61,7 +61,7 @@ class ToneKernel(NamedTuple):
     """Divided differences of F for one tone of unit amplitude: vectors over the two modes.
 
     ``confluent`` holds F[iu], F[iu, x1], F[iu, x1, x2]; ``periodic`` the phasor X(u); ``pair`` the
-    coefficients of E[x1, x2] and E[x2] beside the phasor; ``mirror`` those of their conjugates;
+    coefficients of E[x1, x2] and E[x2] next to the phasor; ``mirror`` those of their conjugates;
     ``gaps`` are i u - x1 and i u - x2.
     """
 

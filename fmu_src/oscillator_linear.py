@@ -132,7 +132,7 @@ class LinearSolver:
         self.start(t, self.full_state(t), b)
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what must be stored, beside the parameters, to continue bit for bit."""
+        """Return what must be stored, besides parameters, to continue bit for bit."""
         state = None if self.state is None else [[z.real, z.imag] for z in self.state]
         return {"anchor": self.anchor, "state": state, "b": self.b, "offsets": list(self.offsets)}
 

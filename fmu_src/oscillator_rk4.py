@@ -155,7 +155,7 @@ class RungeKuttaSolver:
         self.b, self.t, self._y = other.b, other.t, other._y
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what must be stored, beside the parameters, to continue bit for bit."""
+        """Return what must be stored, besides parameters, to continue bit for bit."""
         return {"t": self.t, "y": list(self._y), "b": self.b, "offsets": list(self.offsets)}
 
     def restore(self, snapshot: dict[str, Any]) -> None:

@@ -29,7 +29,7 @@ FULL, QUASI_STATIC, LEFT_OUT = 0, 1, 2
 
 
 class SingleModeSolver:
-    """The mode nearest to the drive between changes of parameters; the other as ``other`` says."""
+    """The mode nearest to the drive between changes of parameters; the other one by ``other``."""
 
     def __init__(
         self, p: Parameters, other: int, offsets: tuple[float, float] = (0.0, 0.0)
@@ -127,7 +127,7 @@ class SingleModeSolver:
         return solver
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what must be stored, beside the parameters, to continue bit for bit."""
+        """Return what must be stored, besides parameters, to continue bit for bit."""
         free = None if self._free is None else list(self._free)
         return {"anchor": self.anchor, "free": free, "b": self.b, "offsets": list(self.offsets)}
 
@@ -168,17 +168,17 @@ class SingleModeSolver:
         return x, v
 
 
-def error(p: Parameters, found: tuple[complex, complex], u: float) -> tuple[float, float]:
+def error(p: Parameters, result: tuple[complex, complex], u: float) -> tuple[float, float]:
     """Return how far phasors at ``u`` Hz are from those of the full equations, mode by mode.
 
     |X - X_full|/|X_full|, which bounds the relative error of the amplitude; 1 where only one of
     them is 0.
     """
     full = phasors(p, u)
-    return (_part(found[0], full[0]), _part(found[1], full[1]))
+    return (_part(result[0], full[0]), _part(result[1], full[1]))
 
 
-def _part(found: complex, full: complex) -> float:
-    if found == full:
+def _part(result: complex, full: complex) -> float:
+    if result == full:
         return 0.0
-    return abs(found - full) / abs(full) if full else 1.0
+    return abs(result - full) / abs(full) if full else 1.0

@@ -134,7 +134,7 @@ DERIVED = (
 
 
 class TwoModeSlave(DrivenSlave[S], Generic[S]):
-    """Base of the FMUs: a model says how its solver is made and how it takes new parameters."""
+    """Base of the FMUs: a model defines how its solver is made and how it takes new parameters."""
 
     # -- what a model provides ------------------------------------------------------------------
 
@@ -176,7 +176,7 @@ class TwoModeSlave(DrivenSlave[S], Generic[S]):
     def steady_outputs(self) -> Sequence[float]:
         """Return coupling, uncoupled eigenfrequencies, damping matrix, line widths and Qs.
 
-        Why lambda may be NaN is told here, to those who read it: a fit initialises a thousand times
+        Why lambda may be NaN is logged here, where it is read: a fit initialises a thousand times
         without reading it, and each message costs time and, in pythonfmu's binary, 290 bytes.
         """
         p = self.running().p

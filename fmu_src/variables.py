@@ -1,4 +1,4 @@
-"""Variable tables of models, and what the modelDescription says of them."""
+"""Variable tables of models, and what the modelDescription has of them."""
 
 from __future__ import annotations
 

@@ -542,7 +542,7 @@ def test_what_is_beyond_a_cut_is_bounded_by_its_continued_fraction(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """S_k = A(v_k) - (p/2)^2/S_(k+1) of one mode, from far out where it is A(v_k) alone."""
-    monkeypatch.setattr(modes_tails, "WALKED", walked)
+    monkeypatch.setattr(modes_tails, "FOLLOWED", walked)
     u, pump_hz, depth, width = scene
     made = parameters(pumped_mode(depth, width, pump_hz, u))
     side = Side(modes_steady.Frame(matrices(made), centre, pump_hz), u, sign)
