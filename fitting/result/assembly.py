@@ -18,8 +18,10 @@ from fitting.fmu.pool import DROPPED, FmuWorkers
 from fitting.inference.infer import Inference, in_order
 from fitting.inference.likelihood.knowledge import Inferred
 from fitting.measurements.fmu_response import FmuResponse
+from fitting.measurements.late import late_by_s
 from fitting.measurements.plan import Plan
 from fitting.measurements.sweep import Sweep
+from fitting.measurements.traces import Traces
 from fitting.result.provenance import provenance_of
 from fitting.result.result import (
     Cost,
@@ -35,7 +37,7 @@ from fitting.signal.scale import laboratory_maximum
 from fitting.simulate.budget import PlanRecord
 from fitting.text.arrays import FloatArray
 from fitting.text.choices import INTERFACES
-from fitting.text.finding import Finding, Kind, note
+from fitting.text.finding import Finding, Kind, note, warning
 from fitting.text.rendering import phrase, warning_sentences
 
 
@@ -232,6 +234,12 @@ def result_through(
         numbers, kind = {"error": misfit}, Kind.not_periodic
         further.append(Finding(kind=kind, severity="warning", subject="samples", numbers=numbers))
     further += _of_plans(plans)
+    # the commonest mistake of hand-written FMUs; shorter steps were simulated for it
+    for m in (m for m in response.measurements if isinstance(m, Traces)):
+        for trace in m.traces:
+            step_s = late_by_s(m, trace, response.models[m.series], p, workers)
+            if step_s:
+                further.append(warning(Kind.output_late, m.output_of(trace), None, step_s=step_s))
     # the equations of the FMU could be integrated here, where its own solver does not do
     other, description = INTERFACES[1], workers.description
     short = any(plan.budget is not None and not plan.budget.kept for plan in plans)

@@ -108,6 +108,7 @@ class Kind(StrEnum):
     fmu_warning = "fmu_warning"
     not_periodic = "not_periodic"
     model_exchange_offered = "model_exchange_offered"
+    output_late = "output_late"
     accuracy_missed = "accuracy_missed"
     accuracy_forced = "accuracy_forced"
     # how a campaign was bound to its FMU
