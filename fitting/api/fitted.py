@@ -30,8 +30,9 @@ from fitting.fit.options import Options, Schedule, usual_misfit
 from fitting.fit.path import HistoryRow, Hooks, Memory
 from fitting.fit.path import Progress as Progress
 from fitting.fit.problem import Problem as Record
+from fitting.inference.determine import InferenceOptions
 from fitting.inference.infer import Inference as InferenceRecord
-from fitting.inference.infer import InferenceRequest, infer
+from fitting.inference.infer import infer
 from fitting.inference.likelihood.knowledge import Inferred, Knowledge, Scan
 from fitting.inference.sweeps import SweepFindings, sweep_findings
 from fitting.report.summary import detail_lines, result_lines
@@ -123,7 +124,7 @@ class Tikhonov:
         return cls(
             nu=s.nu_start,
             beta=s.beta,
-            levels=s.levels,
+            levels=s.iterations,
             tolerance=s.tolerance,
             misfit=options.misfit,
             estimator=options.estimator,
@@ -144,7 +145,7 @@ class Tikhonov:
         schedule = Schedule(
             nu_start=self.nu,
             beta=self.beta,
-            levels=self.levels,
+            iterations=self.levels,
             tolerance=self.tolerance,
             starts=starts,
             seed=seed,
@@ -455,8 +456,8 @@ class Fit(Valued):
     @cached_property
     def inferred(self) -> InferenceRecord:
         """All values with linearised errors, as records."""
-        request = InferenceRequest(units=self._units, profiles=False, sweeps=self._sweeps)
-        return infer(self.record, request)
+        options = InferenceOptions(units=self._units)
+        return infer(self.record, options, profiles=False, sweeps=self._sweeps)
 
     @cached_property
     def _sweeps(self) -> SweepFindings:
@@ -723,15 +724,14 @@ def profile(
     require_values(
         requested, known_values(record) if record.campaigns else list(fit.values), "profile"
     )
-    request = InferenceRequest(
+    options = InferenceOptions(
         units=fit._units,
         budget=budget,
         bootstrap=bootstrap,
         only=requested,
-        sweeps=fit._sweeps,
         progress=progress or (lambda spent: None),
     )
-    result = infer(fit.record, request)
+    result = infer(fit.record, options, sweeps=fit._sweeps)
     if result.fit is not fit.record:  # profiles came by a lower minimum
         again = Fit(fit.problem, result.fit, fit.seconds)
         again.command, fit = fit.command, again

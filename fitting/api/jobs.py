@@ -14,9 +14,9 @@ from fitting.api.printed import written
 from fitting.api.problem import Problem
 from fitting.engine.threads import one_thread
 from fitting.fit.likelihood import Spent
-from fitting.inference.determine import IdentificationOptions
+from fitting.inference.determine import InferenceOptions
 from fitting.inference.determine import identify as identify_through
-from fitting.inference.likelihood.knowledge import Determined, Identification, PartAlone
+from fitting.inference.likelihood.knowledge import Identification, PartAlone
 from fitting.report.shown import shown_fit
 from fitting.result.external import with_external
 from fitting.result.provenance import require_same_data
@@ -67,18 +67,8 @@ def identify(  # noqa: PLR0913 - keywords, of which most have defaults
     check_problem("identify", problem)
     alone = problem.part(settings) if settings else None  # refused before the long run
     fitted = at.result if isinstance(at, Valued) else at
-    options = IdentificationOptions(
-        expected=expected,
-        bootstrap=bootstrap,
-        seed=seed,
-        budget=budget,
-        progress=progress or (lambda spent: None),
-    )
-    start = options
-    if fitted is not None:
-        if not expected:  # else no measured value is looked at
-            require_same_data(fitted, list(problem.record.campaigns.values()))
-        start = replace(options, values=fitted.fitted_values, alternative=fitted.alternative)
+    if fitted is not None and not expected:  # else no measured value is looked at
+        require_same_data(fitted, list(problem.record.campaigns.values()))
     record = problem.record
     provenance: dict[str, str] = {}
     units: dict[str, str] = {}
@@ -86,15 +76,20 @@ def identify(  # noqa: PLR0913 - keywords, of which most have defaults
         description, variables = problem.fmu.description, problem.fmu.variables
         provenance = {"FMU": description.model_name, "FMU sha256": description.sha256}
         units = {name: variables[name].unit or "" for name in record.outputs}
-
-    def determine(of: Problem, how: IdentificationOptions) -> Determined:
-        return identify_through(of.record, of.respond, units, how)
-
-    determined = determine(problem, start)
+    options = InferenceOptions(
+        units=units,
+        data=not expected,
+        bootstrap=bootstrap,
+        seed=seed,
+        budget=budget,
+        progress=progress or (lambda spent: None),
+    )
+    start = () if fitted is None else (fitted.fitted_values, fitted.alternative)
+    determined = identify_through(record, problem.respond, options, *start)
     part = None
     if settings and alone is not None:
-        expected = not determined.knowledge.data
-        own = determine(alone, replace(options, expected=expected, bootstrap=0))
+        options = replace(options, data=determined.knowledge.data, bootstrap=0)
+        own = identify_through(alone.record, alone.respond, options)
         places, total = (
             sum(len(m.places) for m in each.record.measurements) for each in (alone, problem)
         )

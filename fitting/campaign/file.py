@@ -495,8 +495,8 @@ class WrittenDerived(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Continuation(Keys):
-    """Weights ν of Algorithm 2, its tolerance and its starts."""
+class Schedule(Keys):
+    """Weights ν_l = nu_start beta^l of Algorithm 2, its tolerance, starts and seed."""
 
     nu_start: Weight = 0.1
     """First ν, zero or more."""
@@ -510,14 +510,22 @@ class Continuation(Keys):
     followed in its place. Places where J is flat come on top. 1: no search."""
     seed: WholeNumber = 1
     """Of the search."""
+    iterations: Repeats = 9
+    """Number of ν."""
+
+    def nu(self, level: int) -> float:
+        """Regularisation of one level.
+
+        Args:
+            level: of ν, from 0.
+        """
+        return self.nu_start * self.beta**level
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContinuationSettings(Continuation):
+class ContinuationSettings(Schedule):
     """Algorithm 2: its weights ν, tolerance, misfit and starts; whose estimate is reported."""
 
-    iterations: Repeats = 9
-    """Number of ν."""
     misfit: Annotated[Text, OneOf(MISFITS)] | None = None
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
     r^2. Where none is named: "squares" where a trace is among the measurements, else "slack"."""

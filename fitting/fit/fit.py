@@ -31,13 +31,12 @@ from fitting.fit.objective import Counts, Evaluator, Objective, Point, j_reg, ma
 from fitting.fit.options import Options
 from fitting.fit.outputs import runs_of_outputs
 from fitting.fit.path import (
-    Course,
+    GLOBAL,
     HistoryRow,
     Hooks,
     PathLevel,
     Progress,
     follow_path,
-    global_path,
     history_rows,
 )
 from fitting.fit.problem import Problem
@@ -379,27 +378,22 @@ def with_path(fit: Fit, hooks: Hooks | None = None) -> Fit:
         )
     hooks = hooks or Hooks()
     started = hooks.clock()
-    course = Course(
-        objective=fit.solution.objective,
-        options=fit.options,
-        alternative=fit.reported,
-        hooks=hooks,
-    )
-    response = course.objective.response
+    objective, options = fit.solution.objective, fit.options
+    response = objective.response
     levels, lowest = list[PathLevel](), list[PathLevel]()
     try:
         # one by one: those before an interruption stay
-        for level in follow_path(course):
+        for level in follow_path(objective, options, fit.reported, hooks):
             levels.append(level)
-        if fit.options.global_path:
+        if options.global_path:
             known = [fit.solution.final.x, *(np.array(level.x) for level in levels)]
-            for level in global_path(course, known):
+            for level in follow_path(objective, options, fit.reported, hooks, GLOBAL, known):
                 lowest.append(level)
     except KeyboardInterrupt:
         message = phrase("fit", "interrupted", len(levels))
         fit = replace(fit, status=Status.INTERRUPTED, message=message)
-    before, path = runs_of_outputs(response), history_rows(course, levels)
-    global_rows = history_rows(course, lowest)
+    before, path = runs_of_outputs(response), history_rows(objective, options, levels)
+    global_rows = history_rows(objective, options, lowest)
     read = Counts(runs=runs_of_outputs(response) - before)
     return replace(
         fit,
@@ -462,7 +456,7 @@ def _assemble(problem: Problem, options: Options, ended: Sequence[Outcome], seco
     alternatives = alternative_results(outcomes, problem.alternatives)
     reported = next(k for k, each in enumerate(alternatives) if each.reported)
     evaluator = Evaluator(outcomes[reported].objective)
-    last = options.schedule.nu(options.schedule.levels - 1)
+    last = options.schedule.nu(options.schedule.iterations - 1)
     solution = solution_of(evaluator, outcomes[reported].x, last)
     missed = solution.objective.data.unexplained(solution.final.residuals)
     if any(each.interrupted for each in outcomes):

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from fitting.campaign import ContinuationSettings
-from fitting.campaign.file import Continuation
+from fitting.campaign.file import Schedule
 from fitting.measurements.measurement import Measurement
 from fitting.text.choices import ALGORITHM2, ESTIMATORS, LIKELIHOOD, MISFITS
 
-__all__ = ["ALGORITHM2", "ESTIMATORS", "LIKELIHOOD", "Options", "options_of", "usual_misfit"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Schedule(Continuation):
-    """nu_l = nu_start beta^l for l < levels; `tolerance` for E; starts and seed of the search."""
-
-    levels: int = 9
-
-    def nu(self, level: int) -> float:
-        """Regularisation of one level.
-
-        Args:
-            level: of ν, from 0.
-        """
-        return self.nu_start * self.beta**level
+__all__ = [
+    "ALGORITHM2",
+    "ESTIMATORS",
+    "LIKELIHOOD",
+    "Options",
+    "Schedule",
+    "options_of",
+    "usual_misfit",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,14 +65,7 @@ def options_of(
     """
     settings = chosen or ContinuationSettings()
     return Options(
-        schedule=Schedule(
-            nu_start=settings.nu_start,
-            beta=settings.beta,
-            levels=settings.iterations,
-            tolerance=settings.tolerance,
-            starts=settings.starts,
-            seed=settings.seed,
-        ),
+        schedule=Schedule(**{f.name: getattr(settings, f.name) for f in fields(Schedule)}),
         misfit=settings.misfit or usual_misfit(measurements),
         estimator=settings.estimator,
         path=chosen is not None,

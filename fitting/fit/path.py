@@ -3,9 +3,9 @@
     for nu_l = nu_0 beta^l:  x_(l+1) = argmin misfit + nu_l/2 |x|^2 from x_l
     until E = |x_(l+1) - x_l| + |J_fit - J_reg(nu_(l+1))| <= tol  or  l = l_max
 
-`follow_path` is the published method: every level by the interior point from the solution of the
-level before it and from nothing else. `global_path` is what the levels would be if each were
-minimised over the whole box. Neither changes the reported estimate, which is the likelihood's.
+`PATH` is the published method: every level by the interior point from the solution of the level
+before it and from nothing else. `GLOBAL` is what the levels would be if each were minimised over
+the whole box. Neither changes the reported estimate, which is the likelihood's.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import logging
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -154,16 +154,6 @@ class Hooks:
     clock: Callable[[], float] = time.perf_counter
 
 
-@dataclass(frozen=True, kw_only=True)
-class Course:
-    """What is minimised at every ν, for one discrete alternative."""
-
-    objective: Objective
-    options: Options
-    alternative: int
-    hooks: Hooks = field(default_factory=Hooks)
-
-
 def own_start(parameters: Sequence[Parameter]) -> FloatArray:
     """Search vector of the campaign's start, strictly inside the box.
 
@@ -173,44 +163,40 @@ def own_start(parameters: Sequence[Parameter]) -> FloatArray:
     return inside(to_search(parameters, starts(parameters)), *search_bounds(parameters))
 
 
-def follow_path(course: Course) -> Iterator[PathLevel]:
-    """The levels of Algorithm 2 as published, one after the other.
+def follow_path(
+    objective: Objective,
+    options: Options,
+    alternative: int = 0,
+    hooks: Hooks | None = None,
+    kind: str = PATH,
+    others: Sequence[FloatArray] = (),
+) -> Iterator[PathLevel]:
+    """The levels of ν in turn, as they were finished earlier, else solved and recorded.
 
     Args:
-        course: objective, schedule and misfit.
+        objective: of one discrete alternative.
+        options: schedule and misfit.
+        alternative: its number.
+        hooks: progress, memory and clock.
+        kind: `PATH`, Algorithm 2 as published; `GLOBAL`: the least J of a multistart at every ν,
+            from points of the box and from what is known.
+        others: search vectors from which a multistart begins as well, (n,) each, as the ends of
+            the levels of `PATH`.
 
     Raises:
         FmuFailure: the model failed inside the box.
 
     Source: the paper's Algorithm 2.
     """
-    return _levels(course, PATH, ())
-
-
-def global_path(course: Course, others: Sequence[FloatArray]) -> Iterator[PathLevel]:
-    """The least J of a multistart at every ν: from points of the box and from what is known.
-
-    Args:
-        course: objective, schedule and misfit.
-        others: search vectors to start from as well, (n,) each, as the ends of `follow_path`.
-
-    Raises:
-        FmuFailure: the model failed inside the box.
-    """
-    return _levels(course, GLOBAL, others)
-
-
-def _levels(course: Course, kind: str, others: Sequence[FloatArray]) -> Iterator[PathLevel]:
-    """Levels as they were finished earlier, else solved and recorded."""
-    hooks, schedule, misfit = course.hooks, course.options.schedule, course.options.misfit
-    x, started, spent = own_start(course.objective.parameters), hooks.clock(), 0
+    hooks, schedule, misfit = hooks or Hooks(), options.schedule, options.misfit
+    x, started, spent = own_start(objective.parameters), hooks.clock(), 0
     last: dict[str, float] = {}
-    for number in range(schedule.levels):
+    for number in range(schedule.iterations):
         now, nu = hooks.clock(), schedule.nu(number)
         state = Progress(
             stage=kind,
             done=number,
-            of=schedule.levels,
+            of=schedule.iterations,
             nu=nu,
             **last,
             evaluations=spent,
@@ -218,19 +204,19 @@ def _levels(course: Course, kind: str, others: Sequence[FloatArray]) -> Iterator
         )
         hooks.progress(state)
         memory = hooks.memory
-        step = None if memory is None else memory.recall(kind, course.alternative, number)
+        step = None if memory is None else memory.recall(kind, alternative, number)
         if step is None:
-            evaluator, pull = Evaluator(course.objective), weights(course.objective, nu, misfit)
+            evaluator, pull = Evaluator(objective), weights(objective, nu, misfit)
             if kind == PATH:
                 end = solve(evaluator, x, pull, misfit)
             else:
-                end = _multistart(evaluator, course.options, pull, [x, *others])
+                end = _multistart(evaluator, options, pull, [x, *others])
             second = second_value(evaluator, end.x, pull, misfit)
             point = evaluator.point(end.x)
-            following = j_reg(end.x, weights(course.objective, nu * schedule.beta, misfit))
+            following = j_reg(end.x, weights(objective, nu * schedule.beta, misfit))
             step = PathLevel(
                 kind=kind,
-                alternative=course.alternative,
+                alternative=alternative,
                 level=number,
                 nu=nu,
                 x=tuple(map(float, end.x)),
@@ -280,22 +266,25 @@ def _multistart(
     return lowest
 
 
-def history_rows(course: Course, levels: Sequence[PathLevel]) -> tuple[HistoryRow, ...]:
+def history_rows(
+    objective: Objective, options: Options, levels: Sequence[PathLevel]
+) -> tuple[HistoryRow, ...]:
     """The campaign's start and every level, with values by name and means of the outputs.
 
     Args:
-        course: objective, schedule and misfit.
+        objective: of one discrete alternative.
+        options: schedule and misfit.
         levels: of one kind; empty: no rows.
     """
     if not levels:
         return ()
-    objective, misfit = course.objective, course.options.misfit
+    misfit = options.misfit
     point = Evaluator(objective).point(own_start(objective.parameters))
     start = Level(
         level=-1,
         nu=math.nan,
         j_fit=total(point, 0.0, misfit),
-        j_reg=j_reg(point.x, weights(objective, course.options.schedule.nu(0), misfit)),
+        j_reg=j_reg(point.x, weights(objective, options.schedule.nu(0), misfit)),
         change=math.nan,
         optimality=math.nan,
         status="start",

@@ -45,7 +45,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from scipy.special import gammaincc
@@ -55,7 +55,7 @@ from fitting.fit.fit import Solution, Status
 from fitting.fit.optimum import Optimum
 from fitting.inference.likelihood.knowledge import Adequacy, Ending, Rival
 from fitting.inference.likelihood.profile import data_covariance
-from fitting.inference.sweeps import MOST_SAMPLES, TRIED, DecayingLines, LineFits
+from fitting.inference.sweeps import MOST_SAMPLES, TRIED, LineFits, decaying_lines
 from fitting.lines.choice import BY_CHANCE, FAR_MORE, chance, gain_p
 from fitting.lines.form import LineFit
 from fitting.lines.names import ADDED, OFFSET, SLOPE, TAIL, UNKNOWNS
@@ -87,19 +87,6 @@ PARTS = 4
 RESOLVED = 1.0
 #: Share of the rows of a measurement that a fit may take away where they are tested for structure.
 MOST_TAKEN = 0.25
-
-
-class _Along(NamedTuple):
-    """Residuals of a curve in the order of its axis, or of all curves of a measurement in turn.
-
-    `name` of the curve; of all of them, that of the measurement. `rows` (n,) are the numbers of the
-    rows, `white` residuals over their noise, `share` of a residual over the largest amplitude.
-    """
-
-    name: str
-    rows: IntArray
-    white: FloatArray
-    share: FloatArray
 
 
 def adequacy_of(
@@ -191,7 +178,9 @@ def _along_curves(
     """
     data, bounded = optimum.likelihood.objective.data, optimum.likelihood.bounded
     off = bounded.largest if bounded.own.size else np.zeros(rows.size)
-    asked: list[_Along] = []
+    # residuals of a curve in the order of its axis, or of all curves of a measurement in turn: its
+    # name, numbers of the rows (n,), residuals over their noise, share of the largest amplitude
+    asked: list[tuple[str, IntArray, FloatArray, FloatArray]] = []
     for m, at in zip(data.measurements, data.slices, strict=True):
         if m.solved_inside + np.sum(taken[at]) >= MOST_TAKEN * m.rows:
             continue
@@ -201,22 +190,22 @@ def _along_curves(
             name = "/".join(filter(None, (m.series, curve.name)))
             # what rows share, as the error of a scale, is no structure
             white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
-            each.append(_Along(name, mine, white, curve.share))
+            each.append((name, mine, white, curve.share))
         asked += each
         # what every sweep of a map has too weakly to be seen alone; peaks have no common axis
         if len(each) > 1 and m.is_curve:
-            columns = zip(*(curve[1:] for curve in each), strict=True)
-            asked.append(_Along(m.series, *map(np.concatenate, columns)))
+            _, rows_of, whites, shares = zip(*each, strict=True)
+            joined = np.concatenate(rows_of), np.concatenate(whites), np.concatenate(shares)
+            asked.append((m.series, *joined))
     correlated = np.zeros(rows.size, dtype=bool)
     worst, name, highest, others = Correlation(), "", -1.0, [1.0]
-    for along in asked:
-        mine = along.rows
+    for curve_name, mine, white, share in asked:
         known = bool(np.all(data.sigma[mine] > 0.0))
-        left = along.white * stated.sigma[mine]
+        left = white * stated.sigma[mine]
         test = Correlation()
-        if not known or float(along.white @ along.white) >= RESOLVED:
-            test = correlation(along.white, left * along.share, equal=known or _is_equal(left))
-        excused = float(np.sqrt(np.mean((off[mine] * along.share) ** 2)))
+        if not known or float(white @ white) >= RESOLVED:
+            test = correlation(white, left * share, equal=known or _is_equal(left))
+        excused = float(np.sqrt(np.mean((off[mine] * share) ** 2)))
         test = replace(
             test,
             p_value=min(1.0, test.p_value * len(asked)),
@@ -229,7 +218,7 @@ def _along_curves(
             others.append(test.p_value)
         rank = 1.0 - test.p_value if test.misfit.describes else 2.0 + test.share
         if rank > highest:
-            worst, name, highest = test, along.name, rank
+            worst, name, highest = test, curve_name, rank
     summary = Adequacy(
         chi_square=math.nan,
         freedom=0.0,
@@ -416,15 +405,17 @@ def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
             for curve in m.records:
                 mine = slice(begin, begin + 2 * curve.y.size)
                 begin, columns = mine.stop, curve.wiring.columns
-                one = replace(model, residuals=residuals[mine], unknowns=2 * columns + moving(mine))
-                fitted = Fitted(
-                    columns=columns,
-                    label=curve.label,
-                    table="[complex_control_sweep]" if m.units else Fitted.table,
+                one = replace(
+                    model,
+                    residuals=residuals[mine],
+                    unknowns=2 * columns + moving(mine),
                     noise_is_known=curve.sigma > 0.0,
                 )
-                values = m.without_delay(curve, at)
-                refuted.append(compared_complex(curve.u_hz, values, one, fitted))
+                table = "[complex_control_sweep]" if m.units else "[[complex_sweep]]"
+                measured = curve.u_hz, m.without_delay(curve, at)
+                refuted.append(
+                    compared_complex(*measured, one, columns, label=curve.label, table=table)
+                )
         elif isinstance(m, Traces):
             for trace in m.traces:
                 mine = slice(begin, begin + trace.y.size)
@@ -445,11 +436,13 @@ class Model:
         residuals: over the largest value; of complex values real, then imaginary parts, (m,).
         unknowns: real ones.
         resolved: root mean square of residuals that rounding or the simulation makes.
+        noise_is_known: complex values of known noise are compared with a pair of lines alone.
     """
 
     residuals: FloatArray
     unknowns: int
     resolved: float = SMALLEST_RESIDUAL
+    noise_is_known: bool = False
 
     @property
     def squares(self) -> float:
@@ -463,12 +456,9 @@ class _Form:
 
     squares: float
     rows: int
+    unknowns: int
     fit: LineFit
     rival: Rival
-    unknowns: int = 0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "unknowns", self.unknowns or self.fit.unknowns)
 
     def chance(self, squares: float, unknowns: int) -> float:
         """Probability that noise alone makes so much of what another form leaves."""
@@ -572,29 +562,21 @@ def compared_pair(frequency_hz: FloatArray, amplitude: FloatArray, model: Model)
     rows, rival = model.residuals.size, Rival(shape="pair", remedy="output")
     squares = max(two.squares, rows * model.resolved**2)
     curve = amplitude / float(np.max(amplitude)) + model.residuals
-    form = _Form(squares=squares, rows=rows, fit=two, rival=rival)
+    form = _Form(squares=squares, rows=rows, unknowns=two.unknowns, fit=two, rival=rival)
     return form.refusal_by_pair(frequency_hz, amplitude, model, np.asarray(curve, dtype=complex))
 
 
 # --- complex values -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fitted:
-    """What a fit did for a complex sweep: complex `columns` solved inside.
-
-    `label` is the sweep's, `table` that of the campaign with its keys. Where `noise_is_known` only
-    a pair is compared with the model.
-    """
-
-    columns: int = 1
-    label: str = ""
-    table: str = "[[complex_sweep]]"
-    noise_is_known: bool = False
-
-
 def compared_complex(
-    frequency_hz: FloatArray, values: ComplexArray, model: Model, fitted: Fitted
+    frequency_hz: FloatArray,
+    values: ComplexArray,
+    model: Model,
+    columns: int = 1,
+    *,
+    label: str = "",
+    table: str = "[[complex_sweep]]",
 ) -> Adequacy | None:
     """A model of complex values against other lines and backgrounds; None without any.
 
@@ -602,43 +584,46 @@ def compared_complex(
         frequency_hz: rising, shape (n,), Hz.
         values: measured, the delay of a cable taken off, shape (n,), any unit.
         model: what it leaves, real, then imaginary parts.
-        fitted: what was solved for besides the model.
+        columns: complex ones that the fit solves for inside the sweep.
+        label: the sweep's.
+        table: of the campaign, with the sweep's keys.
     """
     y = np.asarray(values / np.max(np.abs(values)))
     forms: list[_Form] = []
     # all lines side by side that the points can distinguish, the simplest ones first. One of two
     # may lie beyond the points. Of three none may: over a wide sweep the third pole is the mirror
     # image of modes at negative frequencies, of which a good model leaves as little
-    columns = range(fitted.columns, min(fitted.columns + 1, len(BACKGROUNDS)) + 1)
-    sizes = itertools.product(range(1, MOST_LINES + 1), columns)
+    counts = range(columns, min(columns + 1, len(BACKGROUNDS)) + 1)
+    sizes = itertools.product(range(1, MOST_LINES + 1), counts)
     low, high = frequency_hz[0], frequency_hz[-1]
     for lines, count in sorted(sizes, key=lambda each: 2 * each[0] + each[1]):
         is_fitted = (2 * lines + count - 1) * ROWS <= y.size
         fit = fit_lines(frequency_hz, y, lines, count - 1) if is_fitted else None
         if fit is None:
             continue
-        has_more = count > fitted.columns
+        has_more = count > columns
         remedy = "output" if lines > 1 else "background" if has_more else ""
         rival = Rival(
             shape=SHAPES[lines - 1],
             background=("", "complex", "complex slope")[count - 1] if has_more else "",
-            label=fitted.label,
+            label=label,
             remedy=remedy,  # type: ignore[arg-type]
         )
         if remedy == "background":
-            key = f'{fitted.table} background = "{BACKGROUNDS[count - 1]}"'
+            key = f'{table} background = "{BACKGROUNDS[count - 1]}"'
             rival = replace(rival, key=key)
         if not shows_all(frequency_hz, fit):
             if lines != 2 or low < fit.others[0].frequency.value < high:
                 continue
             rival = replace(rival, shape="line", background=TAIL)
         squares = max(fit.squares, 2 * y.size * model.resolved**2)
-        forms.append(_Form(squares=squares, rows=2 * y.size, fit=fit, rival=rival))
+        rows, unknowns = 2 * y.size, fit.unknowns
+        forms.append(_Form(squares=squares, rows=rows, unknowns=unknowns, fit=fit, rival=rival))
     if not forms:
         return None
 
     refuting = [form for form in forms if form.refutes(model.squares, model.unknowns)]
-    if not refuting or fitted.noise_is_known:
+    if not refuting or model.noise_is_known:
         real, imaginary = np.split(model.residuals, 2)
         curve = np.asarray(y + real + 1j * imaginary, dtype=complex)
         for form in forms:
@@ -647,7 +632,7 @@ def compared_complex(
                 refusal = form.refusal_by_pair(frequency_hz, y, model, curve)
             if refusal is not None:
                 return refusal
-        if fitted.noise_is_known:
+        if model.noise_is_known:
             return None
     if not refuting:
         return min(forms, key=attrgetter("squares")).against(model)
@@ -674,10 +659,9 @@ def compared_decay(trace: TraceRecord, model: Model) -> Adequacy | None:
     left = model.residuals[:MOST_SAMPLES]
     squares = float(left @ left)
     try:
-        lines = DecayingLines(trace, count)
+        fit, frequencies_hz, structure = decaying_lines(trace, count)
     except ValueError:
         return None
-    fit, structure = lines.fit, lines.structure
     if not fit.squares < squares:
         return None
     freedom, more = rows - fit.unknowns, max(1, fit.unknowns - model.unknowns)
@@ -689,5 +673,5 @@ def compared_decay(trace: TraceRecord, model: Model) -> Adequacy | None:
         freedom=float(freedom),
         p_value=by_chance,
         describes=False,
-        rival=Rival(shape="decays", frequencies_hz=lines.frequencies_hz, remedy="states"),
+        rival=Rival(shape="decays", frequencies_hz=frequencies_hz, remedy="states"),
     )

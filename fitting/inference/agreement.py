@@ -40,6 +40,8 @@ from fitting.campaign.joint import is_shared
 from fitting.campaign.parameters import drift_square, inverse_priors, prior_sigmas, search_bounds
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.fit import Solution
+from fitting.fit.levenberg import Expansion
+from fitting.fit.likelihood import Sample
 from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many, forward
@@ -400,33 +402,10 @@ def explained_by_model(solution: Solution, series: str) -> bool:
     return False
 
 
-@dataclass(frozen=True)
-class _Expansion:
-    """Relative rows of the peaks and c A/max L of the sweep at some x, with their slopes."""
-
-    peaks: FloatArray
-    peaks_slope: FloatArray
-    swept: FloatArray
-    swept_slope: FloatArray
-
-
-@dataclass(frozen=True)
-class _End:
-    """End of a descent: y = (x, ln c, ln factor), the rows and their slopes there."""
-
-    y: FloatArray
-    rows: FloatArray
-    matrix: FloatArray
-
-    @property
-    def chi_square(self) -> float:
-        return float(self.rows @ self.rows)
-
-
 class _Both:
     """Whitened rows of the peaks of a series (S) and of its sweep (T) at y = (x, ln c, ln factor).
 
-    F among the parts means a free factor between their amplitudes.
+    F among the parts means a free factor between their amplitudes. Expansions are about such y.
     """
 
     def __init__(self, solution: Solution, sweep: Sweep, place: int) -> None:
@@ -454,7 +433,7 @@ class _Both:
         top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
         self.freedom = math.inf if sweep.known else top.freedom
         self.start = np.append(solution.final.x, [0.0, 0.0])
-        self._known: dict[bytes, _Expansion] = {}
+        self._known: dict[bytes, tuple[FloatArray, ...]] = {}
 
     def agreement(self) -> SweepAgreement | None:
         """The test; None where they agree at once, or one determines nothing of the other."""
@@ -466,37 +445,39 @@ class _Both:
         if freedom < 3:
             return None
         self.scatter = self._scatter(swept, freedom)
-        swept, peaks = self._least("T", swept.y), self._least("S", self.start)
+        swept, peaks = self._least("T", swept.x), self._least("S", self.start)
         shared = determined + self._rank(peaks) - self._rank(self._at("ST", self.start))
         if shared < 1:
             return None
-        both = self._least("ST", self.start, swept.y)
+        both = self._least("ST", self.start, swept.x)
         if self.factor:
-            free = self._least("STF", both.y, swept.y)
+            free = self._least("STF", both.x, swept.x)
             # what a factor led to may be lower without it, too
-            without = self._least("ST", np.append(free.y[:-1], 0.0))
+            without = self._least("ST", np.append(free.x[:-1], 0.0))
             both = min(both, without, key=attrgetter("chi_square"))
-            excess = max(1.0, free.chi_square / max(1, free.rows.size - self._rank(free) - 2))
+            excess = max(
+                1.0, free.chi_square / max(1, free.sample.rows.size - self._rank(free) - 2)
+            )
             gain = both.chi_square - free.chi_square - self._by_priors(both, free)
             sigmas = self._sigmas(gain / excess, 1)
             if sigmas > CONTRADICT and excess < EXPLAINED:
-                factor = math.exp(float(free.y[-1]))
+                factor = math.exp(float(free.x[-1]))
                 inverse = np.linalg.pinv(free.matrix * self.units, rcond=1e-10)
                 std = factor * math.sqrt(excess * float(inverse[-1] @ inverse[-1]))
                 return SweepAgreement(
                     series=self.sweep.series, sigmas=sigmas, factor=factor, factor_std=std
                 )
-        excess = max(1.0, peaks.chi_square / max(1, peaks.rows.size - self._rank(peaks)))
+        excess = max(1.0, peaks.chi_square / max(1, peaks.sample.rows.size - self._rank(peaks)))
         apart = both.chi_square - swept.chi_square - peaks.chi_square - self._by_priors(both, peaks)
         return SweepAgreement(series=self.sweep.series, sigmas=self._sigmas(apart / excess, shared))
 
     def leaves_noise(self) -> bool:
         """Whether the sweep's residuals are white where peaks and sweep are fitted together."""
         swept = self._least("T", self.start)
-        self.scatter = self._scatter(swept, max(1, swept.rows.size - self._rank(swept) - 1))
-        both = self._least("ST", self.start, swept.y)
+        self.scatter = self._scatter(swept, max(1, swept.sample.rows.size - self._rank(swept) - 1))
+        both = self._least("ST", self.start, swept.x)
         own = slice(-self.sweep.amplitude_v.size, None)
-        return residual_structure(both.rows[own], both.matrix[own]).order == 0
+        return residual_structure(both.sample.rows[own], both.matrix[own]).order == 0
 
     def _straight(self) -> float:
         """The test with everything linearised at the solution: one expansion and no descent.
@@ -505,7 +486,7 @@ class _Both:
         """
         alone = self._at("T", self.start)
         _, left = self._step(alone, GENTLE)
-        freedom = max(1, alone.rows.size - self._rank(alone) - 1)
+        freedom = max(1, alone.sample.rows.size - self._rank(alone) - 1)
         own, self.scatter = self.scatter, self.scatter * max(1.0, math.sqrt(left / freedom))
         squares = []
         for parts in ("ST", "T", f"S{self.factor}"):
@@ -513,10 +494,10 @@ class _Both:
         self.scatter = own
         return squares[0] - squares[1] - squares[2]
 
-    def _by_priors(self, one: _End, other: _End) -> float:
+    def _by_priors(self, one: Expansion, other: Expansion) -> float:
         """Chi square that priors of what drifts have more at one end: no data contradict there."""
         parameters = self.solution.parameters
-        more = drift_square(parameters, one.y[:-2]) - drift_square(parameters, other.y[:-2])
+        more = drift_square(parameters, one.x[:-2]) - drift_square(parameters, other.x[:-2])
         return max(0.0, more)
 
     def _sigmas(self, chi_square: float, freedom: int) -> float:
@@ -527,14 +508,16 @@ class _Both:
         value = max(0.0, chi_square) * widening95(self.freedom) ** 2
         return as_sigmas(value, tail(value, freedom, self.freedom))
 
-    def _scatter(self, end: _End, freedom: int) -> float:
+    def _scatter(self, end: Expansion, freedom: int) -> float:
         """Scatter of the sweep's points about their own minimum, wider if correlated."""
         scatter = self.scatter * math.sqrt(end.chi_square / freedom)
         if self.sweep.known:
             scatter = max(scatter, float(np.median(self.sweep.sigmas_v)) / self.sweep.maximum_v)
-        return max(LEAST_SCATTER, scatter * residual_structure(end.rows, end.matrix).widening)
+        return max(
+            LEAST_SCATTER, scatter * residual_structure(end.sample.rows, end.matrix).widening
+        )
 
-    def _rank(self, end: _End) -> int:
+    def _rank(self, end: Expansion) -> int:
         """How many combinations of the parameters the rows of an end determine."""
         matrix, free = (end.matrix * self.units)[:, :-2], end.matrix[:, -2:]
         free = free[:, np.linalg.norm(free, axis=0) > 0.0]
@@ -545,17 +528,17 @@ class _Both:
 
     # --- descents ---
 
-    def _least(self, parts: str, *starts: FloatArray) -> _End:
+    def _least(self, parts: str, *starts: FloatArray) -> Expansion:
         """The lowest end of descents from some points."""
         ends = []
         for start in starts:
             here, damping = self._at(parts, start), GENTLE
             for _ in range(ROUNDS):
-                low, high = (np.clip((b - here.y) / self.units, -1.0, 1.0) for b in self.bounds)
+                low, high = (np.clip((b - here.x) / self.units, -1.0, 1.0) for b in self.bounds)
                 step, left = self._step(here, damping, (low, high))
                 if here.chi_square - left < PROMISE:
                     break
-                there = self._at(parts, here.y + self.units * step)
+                there = self._at(parts, here.x + self.units * step)
                 if there.chi_square < here.chi_square:
                     here, damping = there, max(GENTLE, 0.1 * damping)
                 else:
@@ -564,21 +547,21 @@ class _Both:
         return min(ends, key=attrgetter("chi_square"))
 
     def _step(
-        self, here: _End, damping: float, bounds: tuple[FloatArray, FloatArray] | None = None
+        self, here: Expansion, damping: float, bounds: tuple[FloatArray, FloatArray] | None = None
     ) -> tuple[FloatArray, float]:
         """A damped step in units of the bounds, and chi square that a straight model would have."""
         scaled = here.matrix * self.units
-        step = damped_step(scaled, here.rows, damping, bounds, LEAST_PRECISION)
-        left = here.rows + here.matrix @ (self.units * step)
+        step = damped_step(scaled, here.sample.rows, damping, bounds, LEAST_PRECISION)
+        left = here.sample.rows + here.matrix @ (self.units * step)
         return step, float(left @ left)
 
-    def _at(self, parts: str, y: FloatArray) -> _End:
+    def _at(self, parts: str, y: FloatArray) -> Expansion:
         x, scale, factor = y[:-2], float(y[-2]), float(y[-1])
-        known = self._expansion(x)
+        peaks, peaks_slope, swept, swept_slope = self._model_at(x)
         rows, matrices = [], []
         if "S" in parts:
-            values = math.exp(-factor) * (known.peaks + self.measured)
-            slope = math.exp(-factor) * known.peaks_slope
+            values = math.exp(-factor) * (peaks + self.measured)
+            slope = math.exp(-factor) * peaks_slope
             free = -values if "F" in parts else np.zeros(values.size)
             columns = np.column_stack([slope, np.zeros(values.size), free])
             stated = self.inverse_prior > 0.0
@@ -589,15 +572,19 @@ class _Both:
             ]
             matrices += [self.covariance.whitened(columns), priors]
         if "T" in parts:
-            values, slope = math.exp(scale) * known.swept, math.exp(scale) * known.swept_slope
+            values, slope = math.exp(scale) * swept, math.exp(scale) * swept_slope
             measured = self.sweep.amplitude_v / self.sweep.maximum_v
             columns = np.column_stack([slope, values, np.zeros(values.size)])
             rows.append((values - measured) / self.scatter)
             matrices.append(columns / self.scatter)
-        return _End(y, np.concatenate(rows), np.concatenate(matrices))
+        sample = Sample(x=y, rows=np.concatenate(rows), outputs=np.empty(0))
+        return Expansion(sample, np.concatenate(matrices), np.empty((0, y.size)))
 
-    def _expansion(self, x: FloatArray) -> _Expansion:
-        """Peaks and sweep at x with their slopes, one batch; remembered."""
+    def _model_at(self, x: FloatArray) -> tuple[FloatArray, ...]:
+        """Relative rows of the peaks and A/max L of the sweep at x, each with its slopes.
+
+        One batch, which is remembered.
+        """
         key = x.tobytes()
         if key not in self._known:
             around = forward(x, self.solution.objective.steps, self.upper)
@@ -607,7 +594,6 @@ class _Both:
                 peaks.append(point.residuals[self.peaks])
                 curve = point.scaled[self.place] / self.sweep.maximum_v
                 swept.append(np.asarray(curve, dtype=float))
-            self._known[key] = _Expansion(
-                peaks[0], around.quotients(peaks), swept[0], around.quotients(swept)
-            )
+            slopes = around.quotients(peaks), around.quotients(swept)
+            self._known[key] = peaks[0], slopes[0], swept[0], slopes[1]
         return self._known[key]

@@ -121,7 +121,7 @@ def expected(
         Stage.DIRECTIONS: times(unknowns * jacobian if profiles else 0.0, DIRECTIONS),
     }
     search = added(DESCENT, SEARCH) if schedule.starts > 1 else DESCENT
-    levels = schedule.levels if options.needs_path else 0
+    levels = schedule.iterations if options.needs_path else 0
     level = added(LEVEL, GLOBAL) if options.global_path else LEVEL
     return Expected(
         parameters=unknowns,

@@ -80,22 +80,11 @@ NEAR = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
-    """How much is spent on what data determine, and who is told.
-
-    `budget` is of simulation runs, None the usual one; `bootstrap` synthetic data sets are fitted
-    anew; `progress` is told how far it is, the stages those of `fitting.inference.cost`.
-    """
-
-    budget: int | None = None
-    bootstrap: int = 0
-    progress: Callable[[Spent], None] = lambda spent: None
-
-
-@dataclass(frozen=True, kw_only=True)
-class InferenceOptions(Limits):
+class InferenceOptions:
     """What is asked of the inference: units of outputs, seed, limits.
 
+    `budget` is of simulation runs, None the usual one; `bootstrap` synthetic data sets are fitted
+    anew; `progress` is called with how far it is, the stages those of `fitting.inference.cost`.
     `others` are search vectors to begin at besides; `minima` those that a search of the bounds
     found, None where none was made: then one is made here. `alternatives` are points of other
     models that fit as well; `twins` the model's exact symmetries, looked for if None. Without
@@ -118,6 +107,9 @@ class InferenceOptions(Limits):
     structure: Structure | None = None
     closer: Adequacy | None = None
     scale_off: float = math.nan
+    budget: int | None = None
+    bootstrap: int = 0
+    progress: Callable[[Spent], None] = lambda spent: None
 
 
 def determine(
@@ -353,62 +345,46 @@ def _assemble(
 FEW_OWN = 12
 
 
-@dataclass(frozen=True, kw_only=True)
-class IdentificationOptions(Limits):
-    """What is asked: values to set out from, expected data instead of measured ones, limits.
-
-    Without `values` (by parameter, of a fit of one `alternative`) the search sets out from the
-    campaign's start and reference values. With `expected` the data are taken to be what the model
-    says there, with the campaign's noise.
-    """
-
-    values: Mapping[str, float] | None = None
-    alternative: Mapping[str, Scalar] | None = None
-    expected: bool = False
-    seed: int = 1
-
-
 def identify(
     problem: Problem,
     respond: Callable[[Mapping[str, Scalar]], Response],
-    units: Mapping[str, str],
-    request: IdentificationOptions,
+    options: InferenceOptions,
+    values: Mapping[str, float] | None = None,
+    alternative: Mapping[str, Scalar] | None = None,
 ) -> Determined:
     """What the data of one problem determine, with alternatives that fit as well, and findings.
 
     Args:
         problem: parameters and measurements.
         respond: makes the response of one alternative.
-        units: of the derived outputs, by name.
-        request: where to set out from, and limits.
+        options: units, seed and limits; whether the data are measured, or what the model gives
+            where the search begins, with the campaign's noise. The rest follows from the problem.
+        values: by parameter, where the search begins; None: the campaign's start and reference
+            values.
+        alternative: of the fit that these values are of; None: the first.
 
     Raises:
         BadInput: the result is another problem's.
         FmuFailure: the FMU failed.
     """
 
-    def objective_of(alternative: Mapping[str, Scalar]) -> Objective:
-        return make_objective(respond(alternative), problem.parameters, problem.data)
+    def objective_of(settings: Mapping[str, Scalar]) -> Objective:
+        return make_objective(respond(settings), problem.parameters, problem.data)
 
-    chosen = request.alternative if request.alternative is not None else problem.alternatives[0]
+    chosen = problem.alternatives[0] if alternative is None else alternative
     objective = objective_of(chosen)
-    begins = _beginnings(problem, request.values)
-    if request.expected:
+    begins = _beginnings(problem, values)
+    if not options.data:
         begins = begins[:1]
-    noise, structure = _noise(objective, begins[0], request.expected)
-    others = [a for a in problem.alternatives if dict(a) != dict(chosen) and not request.expected]
+    noise, structure = _noise(objective, begins[0], expected=not options.data)
+    others = [a for a in problem.alternatives if dict(a) != dict(chosen) and options.data]
     pairs = ((a, (objective_of(a), begins)) for a in others)
     equal_fits = [equal_fit(there, (objective, begins), a, noise) for a, there in pairs]
     own = own_count(problem.parameters)
-    options = InferenceOptions(
-        units=units,
-        seed=request.seed,
-        budget=request.budget,
+    options = replace(
+        options,
         others=begins[1:],
         alternatives=tuple(filter(None, equal_fits)),
-        data=not request.expected,
-        bootstrap=request.bootstrap,
-        progress=request.progress,
         only=shared_values(problem) if own > FEW_OWN else (),
         structure=structure,
     )
@@ -461,7 +437,7 @@ def _beginnings(problem: Problem, values: Mapping[str, float] | None) -> list[Fl
 
 
 def _noise(
-    objective: Objective, begin: FloatArray, expected: bool
+    objective: Objective, begin: FloatArray, *, expected: bool
 ) -> tuple[RowNoise, Structure | None]:
     """Noise of the rows near the data, and the structure of the residuals of curves there.
 

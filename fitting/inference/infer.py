@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,7 +58,7 @@ from fitting.inference.checks.solutions import (
     check_unknown_lines,
     check_weak_peaks,
 )
-from fitting.inference.determine import InferenceOptions, Limits, determine, shared_values
+from fitting.inference.determine import InferenceOptions, determine, shared_values
 from fitting.inference.estimates import (
     Estimates,
     derived_results,
@@ -93,22 +93,13 @@ class Inference(Inferred):
     sweeps: SweepFindings
 
 
-@dataclass(frozen=True, kw_only=True)
-class InferenceRequest(Limits):
-    """How much is asked of the data.
-
-    `units` are those of the derived outputs; without `profiles` intervals are those of the
-    linearised problem; `only` names the values whose profiles are walked (all, if empty); `sweeps`
-    what those of this fit show, where it was found before.
-    """
-
-    units: Mapping[str, str] = field(default_factory=dict)
-    profiles: bool = True
-    only: tuple[str, ...] = ()
-    sweeps: SweepFindings | None = None
-
-
-def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
+def infer(
+    fit: Fit,
+    options: InferenceOptions | None = None,
+    *,
+    profiles: bool = True,
+    sweeps: SweepFindings | None = None,
+) -> Inference:
     """Values, intervals and verdicts of a fit: of the profiles, else of the linearised problem.
 
     A failure or an interruption on the way costs the profiles, not the values: these then keep
@@ -116,25 +107,28 @@ def infer(fit: Fit, request: InferenceRequest | None = None) -> Inference:
 
     Args:
         fit: a solved problem.
-        request: units, and how much is asked.
+        options: units, limits and names of values; what else is asked follows from the fit.
+        profiles: whether they are scanned; else intervals are those of the linearised problem.
+        sweeps: what those of this fit show, where it is known already.
 
     Raises:
         OutOfBudget: it was spent before the best fit was found.
         FmuFailure: the model failed at the solution.
     """
-    request = request or InferenceRequest()
-    fit, sweeps = _with_doubts(fit, request.sweeps)
-    read = _read(fit, request, sweeps, ())
+    options = options or InferenceOptions()
+    fit, sweeps = _with_doubts(fit, sweeps)
+    read = _read(fit, options, sweeps, (), profiles=profiles)
     settled = _with_better_fit(fit, read)
     if settled is fit:
-        return _assemble(fit, sweeps, read, request)
+        return _assemble(fit, sweeps, read, options)
     # other minima that fit are known to the second search
     parameters = fit.solution.parameters
     met = () if read.determined is None else read.determined.knowledge.equivalents
     values = [other.parameters for other in met if other.origin == "start"]
     known = [to_search(parameters, np.array([v[p.name] for p in parameters])) for v in values]
     fit, sweeps = _with_doubts(settled, None)
-    return _assemble(fit, sweeps, _read(fit, request, sweeps, known), request)
+    read = _read(fit, options, sweeps, known, profiles=profiles)
+    return _assemble(fit, sweeps, read, options)
 
 
 @dataclass(frozen=True)
@@ -165,7 +159,12 @@ def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFind
 
 
 def _read(
-    fit: Fit, request: InferenceRequest, sweeps: SweepFindings, known: Sequence[FloatArray]
+    fit: Fit,
+    options: InferenceOptions,
+    sweeps: SweepFindings,
+    known: Sequence[FloatArray],
+    *,
+    profiles: bool,
 ) -> _Reading:
     """What a fit is read as: by profiles, else at the most likely point alone.
 
@@ -189,9 +188,9 @@ def _read(
         if np.any(peaks) and doubt > float(np.median(noise.sigma[peaks])):
             beyond.append(math.exp(doubt))
     scale_off = max(beyond, default=math.nan)
-    if request.profiles:
+    if profiles:
         try:
-            determined = _profiles(fit, request, sweeps, noise, known, scale_off)
+            determined = _profiles(fit, options, sweeps, noise, known, scale_off)
             knowledge = determined.knowledge
             best = np.array([knowledge.most_likely[p.name] for p in solution.parameters])
             return _Reading(best, knowledge.adequacy, knowledge.inflation, determined)
@@ -216,7 +215,7 @@ def _read(
 
 def _profiles(
     fit: Fit,
-    request: InferenceRequest,
+    options: InferenceOptions,
     sweeps: SweepFindings,
     noise: RowNoise,
     known: Sequence[FloatArray],
@@ -230,20 +229,17 @@ def _profiles(
         if k != fit.reported:
             there = outcome.objective, [outcome.x]
             alternatives.append(equal_fit(there, here, fit.problem.alternatives[k], noise))
-    options = InferenceOptions(
-        units=request.units,
+    options = replace(
+        options,
         seed=fit.options.schedule.seed,
-        budget=request.budget,
         alternatives=tuple(filter(None, alternatives)),
-        bootstrap=request.bootstrap,
         structure=solution.structure,
         # what one experiment holds has a table of its own
-        only=request.only or shared_values(fit.problem),
+        only=options.only or shared_values(fit.problem),
         minima=[*(minimum.x for minimum in fit.outcome.minima), *known],
         twins=fit.outcome.twins,
         closer=unseen(solution) or closer_form(solution, sweeps.fits),
         scale_off=scale_off,
-        progress=request.progress,
     )
     determined = determine(solution.objective, solution.final.x, noise, options)
     if not fit.levels:
@@ -278,7 +274,7 @@ def _with_better_fit(fit: Fit, read: _Reading) -> Fit:
 
 
 def _assemble(
-    fit: Fit, sweeps: SweepFindings, read: _Reading, request: InferenceRequest
+    fit: Fit, sweeps: SweepFindings, read: _Reading, options: InferenceOptions
 ) -> Inference:
     """Values, how the fit ended, and findings, of what it was read as."""
     problem, status = fit.problem, fit.status
@@ -328,7 +324,7 @@ def _assemble(
     estimates = Estimates(read.best, fit.paper, fit.paper if is_paper else read.best)
     parameters = parameter_results(solution, estimates)
     seed = fit.options.schedule.seed
-    derived = derived_results(solution, outputs, estimates, request.units, seed)
+    derived = derived_results(solution, outputs, estimates, options.units, seed)
     units = {name: value.unit for name, value in (*parameters.items(), *derived.items())}
     apart = contradicted(joint, units) if is_best else {}
     if not is_best and data.unexplained(residuals):
@@ -347,7 +343,7 @@ def _assemble(
     with suppress(FmuFailure, np.linalg.LinAlgError):  # the model fails nearby: nothing is known
         stds = {name: value.std for name, value in (named | offsets).items()}
         if not why_not:
-            quadratures = quadratures_of(solution, outputs, request.units, stds)
+            quadratures = quadratures_of(solution, outputs, options.units, stds)
     inference = Inference(
         fit=fit,
         parameters=parameters,

@@ -124,14 +124,14 @@ def profiles(
     # what brings the optimum into the canonical period, (n,), in the parameters' units
     here = to_model(likelihood.parameters, scans.optimum.expansion.x)
     turn = np.asarray(canonical(likelihood.parameters, here) - here)
-    made = {}
+    made: dict[str, Profile] = {}
     for quantity in scans.quantities:
         name = quantity.name
         interval = _interval(scans, quantity, units.get(name, ""), turn)
         interval = _with_other_fits(scans, quantity, interval, equivalents)
         status, reason = _status(interval, is_redundant)
         value = _estimate(scans, quantity, interval, status, reason)
-        made[name] = Profile(value, _points(scans, quantity, interval, turn))
+        made[name] = value, _points(scans, quantity, interval, turn)
     for name in likelihood.names:
         if name not in made:
             made[name] = _without_value(scans, name, units.get(name, ""))
@@ -371,9 +371,9 @@ def _without_value(scans: Scans, name: str, unit: str) -> Profile:
         method="profile",
     )
     if is_exact:
-        return Profile(value, Scan(sigma=0.0, values=(best,), delta_chi2=(0.0,), path={}))
+        return value, Scan(sigma=0.0, values=(best,), delta_chi2=(0.0,), path={})
     failed = (STOPPED["failed"], STOPPED["failed"])
-    return Profile(value, Scan(sigma=math.nan, values=(), delta_chi2=(), path={}, stopped=failed))
+    return value, Scan(sigma=math.nan, values=(), delta_chi2=(), path={}, stopped=failed)
 
 
 # --- fits that are as good ------------------------------------------------------------------------

@@ -40,7 +40,7 @@ from fitting.lines.trace import SAMPLES
 from fitting.measurements.measurement import Values
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.traces import TraceRecord
-from fitting.signal.residual_tests import SMALLEST_RESIDUAL, residual_structure
+from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoScale
 from fitting.text.estimate import FittedEstimate
@@ -98,22 +98,25 @@ class LineFits:
         return {name: fit for name, fit in fits.items() if not isinstance(fit, str)}
 
 
-class DecayingLines:
-    """So many decaying lines of a free decay's first samples, over the largest one."""
+def decaying_lines(trace: TraceRecord, count: int) -> tuple[Fit, tuple[float, ...], Structure]:
+    """Decaying lines of a free decay's first samples, over the largest one, fitted.
 
-    def __init__(self, trace: TraceRecord, count: int) -> None:
-        """Fit them.
+    Args:
+        trace: the free decay.
+        count: of lines.
 
-        Raises:
-            ValueError: one that hardly oscillates.
-        """
-        values = np.asarray(trace.y[:MOST_SAMPLES] / trace.largest)
-        model = Decays(samples=values.size, kind=SAMPLES, lines=count, constant=trace.offset)
-        self.fit: Fit = fit_decays(model, values)
-        turns = np.sort(np.abs(self.fit.x[::2]))
-        self.frequencies_hz = tuple(float(f) for f in turns / (values.size * trace.spacing_s))
-        linear = self.fit.jacobian[:, model.count :]
-        self.structure = residual_structure(self.fit.residuals, linear)
+    Returns:
+        The fit, the lines' frequencies (Hz, rising), and the structure of its residuals.
+
+    Raises:
+        ValueError: one that hardly oscillates.
+    """
+    values = np.asarray(trace.y[:MOST_SAMPLES] / trace.largest)
+    model = Decays(samples=values.size, kind=SAMPLES, lines=count, constant=trace.offset)
+    fit = fit_decays(model, values)
+    turns = np.sort(np.abs(fit.x[::2]))
+    frequencies_hz = tuple(float(f) for f in turns / (values.size * trace.spacing_s))
+    return fit, frequencies_hz, residual_structure(fit.residuals, fit.jacobian[:, model.count :])
 
 
 # --- the line of a sweep --------------------------------------------------------------------------

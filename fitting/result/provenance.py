@@ -77,7 +77,7 @@ def provenance_of(
         settings={
             "nu_start": schedule.nu_start,
             "beta": schedule.beta,
-            "iterations": schedule.levels,
+            "iterations": schedule.iterations,
             "tolerance": schedule.tolerance,
             "starts": schedule.starts,
             "misfit": options.misfit,

@@ -55,7 +55,7 @@ def series(fmu: Path) -> dict[str, object]:
         "start": start.tolist(),
         "steps": objective.steps.tolist(),
         "weights": [
-            weights(objective, schedule.nu(k), "slack").tolist() for k in range(schedule.levels)
+            weights(objective, schedule.nu(k), "slack").tolist() for k in range(schedule.iterations)
         ],
     }
 

@@ -316,7 +316,7 @@ def quickly(workers: FmuWorkers, bounds: Sequence[BoundCampaign], levels: int = 
     options = options_of(bounds[0].continuation)
     options = replace(
         options,
-        schedule=replace(options.schedule, starts=1, levels=levels, nu_start=1e-2, beta=1e-3),
+        schedule=replace(options.schedule, starts=1, iterations=levels, nu_start=1e-2, beta=1e-3),
         misfit="squares",
     )
     asked = ReconstructionOptions(options, profiles=False)

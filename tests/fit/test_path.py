@@ -20,12 +20,10 @@ from fitting.fit.options import Options, Schedule, options_of
 from fitting.fit.path import (
     GLOBAL,
     PATH,
-    Course,
     Hooks,
     PathLevel,
     Progress,
     follow_path,
-    global_path,
     history_rows,
     own_start,
 )
@@ -44,13 +42,8 @@ def objective() -> Objective:
     return make_objective(response, closed_form.string_parameters(), measured)
 
 
-def course(objective: Objective, hooks: Hooks | None = None, **schedule: float) -> Course:
-    return Course(
-        objective=objective,
-        options=Options(schedule=Schedule(**schedule)),  # type: ignore[arg-type]
-        alternative=0,
-        hooks=hooks or Hooks(),
-    )
+def course(objective: Objective, **schedule: float) -> tuple[Objective, Options]:
+    return objective, Options(schedule=Schedule(**schedule))  # type: ignore[arg-type]
 
 
 @dataclass
@@ -68,7 +61,7 @@ class Kept:
 
 @pytest.fixture(scope="module")
 def levels(objective: Objective) -> list[PathLevel]:
-    return list(follow_path(course(objective)))
+    return list(follow_path(*course(objective)))
 
 
 def test_every_level_is_minimised_from_the_one_before(
@@ -96,7 +89,7 @@ def test_levels_end_early_where_e_falls_to_the_tolerance(
     objective: Objective, levels: list[PathLevel]
 ) -> None:
     loose = course(objective, tolerance=2.0 * levels[1].change)
-    assert len(list(follow_path(loose))) == 2
+    assert len(list(follow_path(*loose))) == 2
 
 
 def test_the_campaigns_own_start_is_the_first(objective: Objective) -> None:
@@ -118,9 +111,9 @@ def test_a_level_that_was_finished_is_not_solved_again(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        list(follow_path(course(objective, Hooks(progress=stop, memory=kept))))
+        list(follow_path(*course(objective), hooks=Hooks(progress=stop, memory=kept)))
     assert len(kept.levels) == 3
-    again = list(follow_path(course(objective, Hooks(memory=kept))))
+    again = list(follow_path(*course(objective), hooks=Hooks(memory=kept)))
     assert [replace(level, seconds=0.0) for level in again] == [
         replace(level, seconds=0.0) for level in levels
     ]
@@ -128,13 +121,13 @@ def test_a_level_that_was_finished_is_not_solved_again(
 
 
 def test_the_history_begins_with_the_start(objective: Objective, levels: list[PathLevel]) -> None:
-    rows = history_rows(course(objective), levels)
+    rows = history_rows(*course(objective), levels)
     assert [row.level for row in rows] == list(range(-1, 9))
     assert rows[0].parameters["d1"] == pytest.approx(94.0)
     assert math.isnan(rows[0].nu)
     assert rows[-1].parameters["d2"] == pytest.approx(levels[-1].parameters[2])
     assert rows[-1].derived["lambda"] > 0.0
-    assert history_rows(course(objective), []) == ()
+    assert history_rows(*course(objective), []) == ()
 
 
 def test_a_level_over_the_box_is_at_most_the_published_one() -> None:
@@ -142,8 +135,8 @@ def test_a_level_over_the_box_is_at_most_the_published_one() -> None:
     rows = lambda p: np.array([p[0] ** 2 - 4.0, 0.5 + p[0] / 8.0])  # noqa: E731
     wells = rows_objective(rows, [-5.0], [5.0])
     start = replace(wells.parameters[0], start=3.0)
-    own = course(replace(wells, parameters=(start,)), nu_start=1e-3, levels=2)
-    followed, lowest = list(follow_path(own)), list(global_path(own, []))
+    own = course(replace(wells, parameters=(start,)), nu_start=1e-3, iterations=2)
+    followed, lowest = (list(follow_path(*own, kind=kind)) for kind in (PATH, GLOBAL))
     assert [level.kind for level in followed + lowest] == [PATH, PATH, GLOBAL, GLOBAL]
     assert followed[-1].x[0] == pytest.approx(2.0, abs=0.01)
     assert lowest[-1].x[0] == pytest.approx(-2.0, abs=0.01)
@@ -188,7 +181,7 @@ def test_the_values_do_not_rest_on_the_levels(string_problem: ff.Problem) -> Non
 
 def test_an_interrupted_path_keeps_its_levels(string_problem: ff.Problem) -> None:
     record = string_problem.record
-    options = Options(schedule=Schedule(starts=1, levels=3), path=True)
+    options = Options(schedule=Schedule(starts=1, iterations=3), path=True)
     fit = solve_problem(record, string_problem.respond, options)
     calls: Iterator[int] = iter(range(100))
 
@@ -204,7 +197,7 @@ def test_an_interrupted_path_keeps_its_levels(string_problem: ff.Problem) -> Non
 
 
 def test_too_many_slacks_are_refused(string_problem: ff.Problem) -> None:
-    options = Options(schedule=Schedule(starts=1, levels=1), path=True)
+    options = Options(schedule=Schedule(starts=1, iterations=1), path=True)
     fit = solve_problem(string_problem.record, string_problem.respond, options)
     many = np.zeros(MOST_SLACKS + 1)
     final = replace(fit.solution.final, residuals=many)

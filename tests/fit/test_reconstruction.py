@@ -143,7 +143,7 @@ def test_the_scatter_of_the_width_over_noise_is_what_is_claimed(tmp_path: Path) 
         assert bound.continuation is not None
         continuation = replace(bound.continuation, misfit="squares")
         bound = replace(bound, alternatives=bound.alternatives[:1], continuation=continuation)
-        one = run(bound, starts=1, levels=1)
+        one = run(bound, starts=1, iterations=1)
         found.append(one.derived["D11"].value / (2 * np.pi))
         claimed.append(one.derived["D11"].std / (2 * np.pi))
     assert abs(np.mean(found) - WIDTH) < 3.0 * np.std(found) / np.sqrt(draws)
@@ -204,7 +204,7 @@ def test_a_peak_moved_by_ten_sigma_stands_out(noisy_campaign: BoundCampaign) -> 
     peaks = moved[2].peaks_v.copy()
     peaks[0] += 10.0 * moved[2].sigmas_v[0]
     moved[2] = replace(moved[2], peaks_v=peaks)
-    found = run(replace(noisy_campaign, experiments=tuple(moved)), starts=1, levels=2)
+    found = run(replace(noisy_campaign, experiments=tuple(moved)), starts=1, iterations=2)
     pairs = list(found.deviations.final.per_experiment)
     assert max(range(5), key=lambda m: pairs[m]) == 2
     assert pairs[2] > 2.0 * sorted(pairs)[-2]
@@ -230,7 +230,7 @@ def test_ending_badly_is_a_value(
         return replace(most_likely(evaluator, begins), converged=False)
 
     monkeypatch.setattr(alternative, "most_likely", stalled)
-    ended = run(noisy_campaign, starts=1, levels=1)
+    ended = run(noisy_campaign, starts=1, iterations=1)
     assert ended.status == "not converged"
     assert np.isfinite(ended.parameters["theta"].value)
 

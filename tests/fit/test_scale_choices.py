@@ -186,7 +186,7 @@ def test_scales_through_the_fmu(swift_fmu: Path, tmp_path: Path, scale: str) -> 
     options = options_of(bound.continuation)
     options = replace(
         options,
-        schedule=replace(options.schedule, starts=1, levels=2, nu_start=1e-2),
+        schedule=replace(options.schedule, starts=1, iterations=2, nu_start=1e-2),
         misfit="squares",
     )
     with FmuWorkers(swift_fmu, workers=2) as workers:

@@ -16,7 +16,7 @@ from fitting.campaign.parameters import Parameter, bounds, to_model, to_search
 from fitting.fit.alternative import Outcome, search_alternative, with_values
 from fitting.fit.objective import Evaluator, Objective, make_objective
 from fitting.fit.options import Options, Schedule
-from fitting.fit.path import Course, follow_path, own_start
+from fitting.fit.path import follow_path, own_start
 from fitting.fit.search import Box, search_box
 from fitting.fit.twins import Twin, find_twins
 from fitting.text.arrays import FloatArray
@@ -95,12 +95,7 @@ def test_a_lower_minimum_than_that_of_algorithm_2_is_reported(
 ) -> None:
     """Algorithm 2 ends thousands of chi square too high, as published."""
     lab, outcome = one_side
-    course = Course(
-        objective=objective_of(lab),
-        options=Options(),
-        alternative=0,
-    )
-    *_, last = follow_path(course)
+    *_, last = follow_path(objective_of(lab), Options())
     assert lab.chi_square(np.array(last.parameters)) > 1000.0
     end = to_model(lab.parameters, outcome.x)
     assert lab.chi_square(end) < lab.chi_square(lab.truth) + 5.0

@@ -260,7 +260,7 @@ def through(workers: FmuWorkers, bench: Bench, seed: int, folder: Path, *, quick
     write_all(folder, campaign_files(measure(bench, seed), "test"))
     bound = bind(read_campaign(folder / "campaign.toml"), workers.description.variables)
     options = replace(options_of(bound.continuation), path=not quick)
-    schedule = replace(options.schedule, starts=1, levels=3, beta=1e-4)
+    schedule = replace(options.schedule, starts=1, iterations=3, beta=1e-4)
     if quick:
         bound = replace(bound, alternatives=bound.alternatives[:1])
     problem = problem_of([bound])

@@ -22,7 +22,7 @@ from fitting.fit.problem import Problem
 from fitting.fit.search import Minimum, SearchResult
 from fitting.inference.adequacy import chi_square_test
 from fitting.inference.checks.solutions import search_findings
-from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.infer import Inference, infer
 from fitting.text.arrays import FloatArray
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Kind, of_kind
@@ -125,7 +125,7 @@ def test_noise_that_nobody_stated_tests_no_model() -> None:
 
 def fitted(objective: Objective) -> Fit:
     problem = Problem(objective.parameters, objective.data, derived={"": ("sum", "fixed")})
-    options = Options(schedule=Schedule(starts=1, nu_start=1e-3, levels=2))
+    options = Options(schedule=Schedule(starts=1, nu_start=1e-3, iterations=2))
     return solve_problem(problem, lambda chosen: objective.response, options)
 
 
@@ -147,7 +147,7 @@ def test_of_a_model_that_does_not_describe_the_data_no_value_is_left(profiles: b
     )
     fit = fitted(objective)
     assert fit.status is Status.CONVERGED
-    found: Inference = infer(fit, InferenceRequest(profiles=profiles))
+    found: Inference = infer(fit, profiles=profiles)
     assert found.status is Status.MISFIT
     assert found.ending.kind == "not_described"
     values: dict[str, FittedEstimate] = {**found.parameters, **found.derived}

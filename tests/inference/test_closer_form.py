@@ -10,7 +10,6 @@ import pytest
 from scipy.optimize import least_squares
 
 from fitting.inference.adequacy import (
-    Fitted,
     Model,
     compared,
     compared_complex,
@@ -188,7 +187,7 @@ def test_two_lines_are_not_in_phase_because_a_model_has_them_so(turn: float, kno
     y = pair + 5e-3 * noise_of("white", np.random.default_rng(8), pair)
     left = in_phase(y)
     assert float(left @ left) < 10.0 * 2 * F.size * (5e-3 / float(np.max(np.abs(y)))) ** 2
-    found = compared_complex(F, y, Model(left, 7), Fitted(columns=1, noise_is_known=known))
+    found = compared_complex(F, y, Model(left, 7, noise_is_known=known))
     if turn == 0.0:
         assert found is None or found.describes
         return
@@ -225,7 +224,7 @@ def test_complex_values_of_more_than_was_fitted_are_not_described(
     y = exact + sigma * noise_of("white", np.random.default_rng(4), exact)
     left = best(y, GROUND[: columns - 1])
     model = Model(left, 2 * columns + 2)
-    found = compared_complex(F, y, model, Fitted(columns=columns))
+    found = compared_complex(F, y, model, columns)
     assert found is not None
     assert not found.describes
     assert found.rival is not None
@@ -235,7 +234,7 @@ def test_complex_values_of_more_than_was_fitted_are_not_described(
     # what the true form leaves is the noise: chi square is what is left over its variance
     size = float(np.max(np.abs(y)))
     assert found.chi_square == pytest.approx(float(left @ left) * (size / sigma) ** 2, rel=0.3)
-    named = compared_complex(F, y, model, Fitted(columns=columns, label="b"))
+    named = compared_complex(F, y, model, columns, label="b")
     assert named is not None
     assert named.rival is not None
     assert named.rival.label == "b"
@@ -257,7 +256,7 @@ def test_a_model_that_describes_complex_values_is_not_told_not_to(
         y = exact + 10.0 ** rng.uniform(-3.0, -1.0) * noise_of(kind, rng, exact)
         left = best(y, GROUND[: columns - 1], lines)
         model = Model(left, 2 * columns + 2 * lines)
-        found = compared_complex(F, y, model, Fitted(columns=columns))
+        found = compared_complex(F, y, model, columns)
         told += found is not None and not found.describes
     assert told == 0
 
@@ -265,8 +264,8 @@ def test_a_model_that_describes_complex_values_is_not_told_not_to(
 def test_what_the_simulation_may_be_off_by_is_no_misfit() -> None:
     """Values without noise, and a simulation that is 1e-4 off: no form says anything against it."""
     left = 1e-4 * np.tile(np.cos(np.arange(F.size) / 9.0), 2)
-    plain = compared_complex(F, ONE, Model(left, 4), Fitted())
-    excused = compared_complex(F, ONE, Model(left, 4, resolved=1e-4), Fitted())
+    plain = compared_complex(F, ONE, Model(left, 4))
+    excused = compared_complex(F, ONE, Model(left, 4, resolved=1e-4))
     assert plain is not None
     assert excused is not None
     assert (plain.describes, excused.describes) == (False, True)
@@ -276,7 +275,7 @@ def test_few_points_tell_no_pair() -> None:
     """Of 8 points a line alone is tried: a pair would go through most of what there is."""
     f = F[::11]
     y = ONE[::11] + OTHER[::11]
-    found = compared_complex(f, y, Model(np.full(2 * f.size, 0.3), 4), Fitted())
+    found = compared_complex(f, y, Model(np.full(2 * f.size, 0.3), 4))
     assert found is None or found.rival is None or found.rival.shape == "line"
 
 

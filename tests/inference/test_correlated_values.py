@@ -8,7 +8,7 @@ import pytest
 from fitting.fit.fit import solve_problem
 from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
-from fitting.inference.infer import InferenceRequest, infer
+from fitting.inference.infer import infer
 from fitting.text.finding import Kind, of_kind
 from tests.support.whitened import parameter, whitened
 
@@ -27,9 +27,9 @@ def test_a_pair_is_named_with_its_correlation_where_that_is_strong(
         parameter("b", 0.0, 10.0, start=2.5),
     )
     problem = Problem(objective.parameters, objective.data)
-    options = Options(schedule=Schedule(starts=1, nu_start=1e-6, levels=2))
+    options = Options(schedule=Schedule(starts=1, nu_start=1e-6, iterations=2))
     fit = solve_problem(problem, lambda _: objective.response, options)
-    found = of_kind(infer(fit, InferenceRequest(profiles=False)).findings, Kind.correlated_values)
+    found = of_kind(infer(fit, profiles=False).findings, Kind.correlated_values)
     covariance = np.linalg.inv(matrix.T @ matrix)
     rho = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
     assert bool(abs(rho) >= 0.95) is named

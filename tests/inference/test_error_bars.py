@@ -40,7 +40,7 @@ def found_of(row: Callable[[float], float], start: float, top: float) -> FittedE
         parameter("p", start / 100.0, top, start=start, unit="Hz"),
     )
     problem = Problem(objective.parameters, objective.data)
-    options = Options(schedule=Schedule(starts=1, nu_start=1e-6, levels=2))
+    options = Options(schedule=Schedule(starts=1, nu_start=1e-6, iterations=2))
     return infer(solve_problem(problem, lambda _: objective.response, options)).parameters["p"]
 
 

@@ -90,7 +90,7 @@ def with_outlier(
         parameter("q", 1.0, 40.0, start=9.0),
     )
     problem = Problem(objective.parameters, objective.data)
-    schedule = Schedule(starts=1, nu_start=1e-6, beta=0.1, levels=3)
+    schedule = Schedule(starts=1, nu_start=1e-6, beta=0.1, iterations=3)
     options = Options(schedule=schedule, estimator=estimator, path=True)
     fit = with_path(solve_problem(problem, lambda _: objective.response, options))
     return matrix, measured, infer(fit)
@@ -171,7 +171,9 @@ def test_a_value_of_algorithm_2_beyond_the_interval_is_said_to_be_there() -> Non
     y = np.array([10.0] * 10 + [12.9] * 3)
     objective = whitened(lambda x: x[0] - y, parameter("p", 1.0, 40.0, start=9.0))
     problem = Problem(objective.parameters, objective.data)
-    options = Options(schedule=Schedule(starts=1, nu_start=1e-6, levels=2), estimator=ALGORITHM2)
+    options = Options(
+        schedule=Schedule(starts=1, nu_start=1e-6, iterations=2), estimator=ALGORITHM2
+    )
     found = infer(with_path(solve_problem(problem, lambda _: objective.response, options)))
     mean, error = float(np.mean(y)), y.size**-0.5
     assert mean - Z95 * error > np.median(y)

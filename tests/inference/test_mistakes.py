@@ -20,7 +20,7 @@ from fitting.campaign import SweepData
 from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Status
 from fitting.inference.checks.solutions import Solved, bounds_off_line, check_frequencies
-from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.infer import Inference, infer
 from fitting.inference.sweeps import SweepFindings, line_of_sweep
 from fitting.text.estimate import Verdict
 from fitting.text.finding import Finding, Kind
@@ -185,8 +185,8 @@ def test_errors_hold_a_scale_that_is_off_by_little(seed: int, tmp_path: Path) ->
         found = fitted(replace(laboratory, series=(series,)), tmp_path / str(k))
         widths.append(found.derived["width_plus"].most_likely)
     doubt = SweepFindings(doubts={"": off})
-    said = infer(found.fit, InferenceRequest(profiles=False, sweeps=doubt)).derived["width_plus"]
-    none = infer(found.fit, InferenceRequest(profiles=False)).derived["width_plus"]
+    said = infer(found.fit, profiles=False, sweeps=doubt).derived["width_plus"]
+    none = infer(found.fit, profiles=False).derived["width_plus"]
     assert 0.8 < abs(widths[1] - widths[0]) / said.simulation < 1.2
     assert none.simulation == 0.0
     assert said.std == pytest.approx(none.std + said.simulation)
@@ -200,4 +200,4 @@ def test_a_scale_that_is_off_beyond_the_noise_determines_nothing(tmp_path: Path)
     found = fitted(replace(laboratory, series=(series,)), tmp_path)
     for off, status in ((0.004, Status.CONVERGED), (0.006, Status.MISFIT)):
         doubt = SweepFindings(doubts={"": off})
-        assert infer(found.fit, InferenceRequest(profiles=False, sweeps=doubt)).status is status
+        assert infer(found.fit, profiles=False, sweeps=doubt).status is status

@@ -19,7 +19,7 @@ from fitting.fit.objective import Objective, evaluate_many, make_objective
 from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
 from fitting.inference.determine import InferenceOptions, determine
-from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.infer import Inference, infer
 from fitting.inference.likelihood.knowledge import Determined
 from fitting.measurements.measurement import Evaluation
 from fitting.signal.scale import Maximum
@@ -128,9 +128,9 @@ def straight(promised: float) -> tuple[FloatArray, FloatArray, Objective]:
 
 def inferred(objective: Objective, *, profiles: bool) -> Inference:
     problem = Problem(objective.parameters, objective.data)
-    options = Options(schedule=Schedule(starts=1, nu_start=1e-9, levels=1))
+    options = Options(schedule=Schedule(starts=1, nu_start=1e-9, iterations=1))
     fit = solve_problem(problem, lambda _: objective.response, options)
-    return infer(fit, InferenceRequest(profiles=profiles))
+    return infer(fit, profiles=profiles)
 
 
 @pytest.mark.parametrize("profiles", [True, False])

@@ -10,7 +10,7 @@ import pytest
 
 import fitting as ff
 from fitting.fit.fit import Status
-from fitting.inference.infer import InferenceRequest, infer
+from fitting.inference.infer import infer
 from fitting.text.finding import Kind
 from tests.support.complex_data import mode
 from tests.support.one_mode import SETUP
@@ -77,9 +77,6 @@ def test_a_search_that_was_interrupted_does_not_blame_the_noise(swift_fmu: Path)
     done = fitted(swift_fmu, 0, ff.Noise(relative=SHARE / 1.8)).record
     cut = replace(done, status=Status.INTERRUPTED)
     blames = {Kind.noise_underestimated, Kind.excess_residuals}
-    kinds = [
-        {found.kind for found in infer(fit, InferenceRequest(profiles=False)).findings}
-        for fit in (done, cut)
-    ]
+    kinds = [{found.kind for found in infer(fit, profiles=False).findings} for fit in (done, cut)]
     assert [bool(blames & each) for each in kinds] == [True, False]
     assert Kind.search_unfinished in kinds[1]

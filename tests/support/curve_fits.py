@@ -11,7 +11,7 @@ from fitting.campaign.parameters import Parameter
 from fitting.fit.fit import Fit, solve_problem
 from fitting.fit.options import Options, Schedule
 from fitting.fit.problem import Problem
-from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.infer import Inference, infer
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, Measurement, Prediction
 from fitting.measurements.sweep import Sweep
@@ -74,7 +74,7 @@ def fitted(
 ) -> Fit:
     """The fit of some measurements by a function."""
     problem = Problem(tuple(parameters), Dataset(tuple(measurements)))
-    schedule = Schedule(starts=1, nu_start=1e-3, levels=2)
+    schedule = Schedule(starts=1, nu_start=1e-3, iterations=2)
     options = Options(schedule=schedule, misfit="squares")
     return solve_problem(problem, lambda chosen: ClosedResponse(predicted), options)
 
@@ -87,4 +87,4 @@ def fitted_line(measured: Sweep) -> Fit:
 
 def inferred(fit: Fit, *, profiles: bool = False) -> Inference:
     """What a fit determines."""
-    return infer(fit, InferenceRequest(profiles=profiles))
+    return infer(fit, profiles=profiles)

@@ -54,15 +54,15 @@ def profile(
     )
     path = {"d1": values, "lambda": tuple(7e5 + 1e4 * s for s in steps)}
     scan = Scan(sigma=sigma, values=values, delta_chi2=tuple(s**2 for s in steps), path=path)
-    return Profile(value, scan)
+    return value, scan
 
 
 def determined() -> Determined:
     """One parameter beside another that goes as its negative, and an output."""
     made = [profile(), profile("d2", 106.0), profile("lambda", 7e5, 1e4, OutputEstimate)]
-    first = made[0].scan.values
+    first = made[0][1].values
     path = {"d1": first, "d2": tuple(200.0 - v for v in first)}
-    scans = {p.value.name: replace(p.scan, path={**p.scan.path, **path}) for p in made}
+    scans = {v.name: replace(scan, path={**scan.path, **path}) for v, scan in made}
     knowledge = Knowledge(
         data=True,
         chi_square=9.0,
@@ -77,7 +77,7 @@ def determined() -> Determined:
         effort=Effort(10, 10, 100),
         nu=nu_choice(),
     )
-    values = [p.value for p in made]
+    values = [v for v, _ in made]
     return Determined(
         parameters={v.name: v for v in values if isinstance(v, ParameterEstimate)},
         derived={v.name: v for v in values if isinstance(v, OutputEstimate)},

@@ -12,7 +12,8 @@ from fitting.fit.path import Hooks
 from fitting.fit.problem import Problem, plan_problem
 from fitting.fmu.description import FmuDescription
 from fitting.fmu.pool import FmuWorkers
-from fitting.inference.infer import Inference, InferenceRequest, infer
+from fitting.inference.determine import InferenceOptions
+from fitting.inference.infer import Inference, infer
 from fitting.measurements.measurement import Response
 from fitting.result.assembly import result_of, result_through
 from fitting.result.provenance import provenance_of
@@ -74,8 +75,8 @@ def reconstruct(
 
 
 def _inferred(fit: Fit, units: Mapping[str, str], options: ReconstructionOptions) -> Inference:
-    request = InferenceRequest(units=units, profiles=options.profiles, bootstrap=options.bootstrap)
-    return infer(fit, request)
+    request = InferenceOptions(units=units, bootstrap=options.bootstrap)
+    return infer(fit, request, profiles=options.profiles)
 
 
 def reconstruct_through(

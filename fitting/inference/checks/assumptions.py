@@ -222,15 +222,6 @@ def _example(
 # --- assumptions ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Moved:
-    """Where a fit would be: search vector (n,), the model there, and the rise of chi square."""
-
-    x: FloatArray
-    objective: Objective
-    chi_square: float
-
-
 def check_assumptions(solved: Solved) -> Iterator[Finding]:
     """Shift of every value without an assumption of the campaigns, a finding for each of these.
 
@@ -248,15 +239,18 @@ def check_assumptions(solved: Solved) -> Iterator[Finding]:
             by_words.setdefault(assumption.words, {})[series] = assumption
     for words, by_series in by_words.items():
         try:
-            moved = _refit(solution, by_series)
-            numbers = _shifts(solution, moved, known)
+            objective, x, chi_square = _refit(solution, by_series)
+            numbers = _shifts(solution, objective, x, known)
         except (FmuFailure, BadInput, OutOfBudget, np.linalg.LinAlgError):
             continue
-        numbers["chi_square"] = moved.chi_square
+        numbers["chi_square"] = chi_square
         yield note(Kind.assumption, words, None, **numbers)
 
 
-def _refit(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:
+def _refit(
+    solution: Solution, assumed: Mapping[str, Assumption]
+) -> tuple[Objective, FloatArray, float]:
+    """The model without the assumption, its search vector (n,), and the rise of chi square."""
     first, x = next(iter(assumed.values())), solution.final.x
     if first.setup is None:  # another start of the same model
         parameters = solution.parameters
@@ -264,7 +258,7 @@ def _refit(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:
         other = {name: law.value(fitted) for name, law in first.start.items()}
         start = [other.get(p.name, float(fitted[p.name])) for p in parameters]
         begin = to_search(parameters, np.array(start, dtype=float))
-        return _fit_from(solution, solution.objective, begin)
+        return solution.objective, *_fit_from(solution, solution.objective, begin)
     response = solution.objective.response
     assert isinstance(response, FmuResponse)  # noqa: S101 - asked by the caller
     models = dict(response.models)
@@ -272,13 +266,15 @@ def _refit(solution: Solution, assumed: Mapping[str, Assumption]) -> _Moved:
         if assumption.setup is not None:
             models[series] = replace(models[series], setup=assumption.setup)
     objective = replace(solution.objective, response=replace(response, models=models))
-    return _follow_slopes(solution, objective) or _fit_from(solution, objective, x)
+    moved = _follow_slopes(solution, objective) or _fit_from(solution, objective, x)
+    return objective, *moved
 
 
-def _follow_slopes(solution: Solution, other: Objective) -> _Moved | None:
+def _follow_slopes(solution: Solution, other: Objective) -> tuple[FloatArray, float] | None:
     """Where the fit of another model goes by the derivatives at the solution; None: it is too far.
 
-    A few evaluations, where a fit of its own takes derivatives as well.
+    Its search vector and the rise of chi square. A few evaluations, where a fit of its own takes
+    derivatives as well.
     """
     whitened = solution.noise.covariance.whitened
     prior = prior_sigmas(solution.parameters, solution.nu)
@@ -298,15 +294,18 @@ def _follow_slopes(solution: Solution, other: Objective) -> _Moved | None:
         except FmuFailure:
             return None
         if np.all(np.abs(step) < SMALL * errors):
-            return _Moved(x + step, other, _rise(solution, there[: here.size]))
+            return x + step, _rise(solution, there[: here.size])
         if float(there @ there) >= float(rows @ rows):
             return None
         x, rows = x + step, there
     return None
 
 
-def _fit_from(solution: Solution, objective: Objective, x: FloatArray) -> _Moved:
-    """Where a fit ends from a place, which may lie beyond the bounds: so may the fit."""
+def _fit_from(solution: Solution, objective: Objective, x: FloatArray) -> tuple[FloatArray, float]:
+    """Where a fit ends from a place, and the rise of chi square.
+
+    The place may lie beyond the bounds: so may the fit.
+    """
     likelihood = likelihood_of(objective, solution.noise)
     low, high = x - likelihood.widths, x + likelihood.widths
     likelihood = replace(
@@ -318,7 +317,7 @@ def _fit_from(solution: Solution, objective: Objective, x: FloatArray) -> _Moved
     likelihood = optimum.likelihood
     rows = likelihood.inflation * optimum.expansion.sample.rows[: likelihood.data_rows]
     before = solution.noise.covariance.whitened(solution.final.residuals)
-    return _Moved(optimum.expansion.x, objective, _rise(solution, rows - before))
+    return optimum.expansion.x, _rise(solution, rows - before)
 
 
 def _rise(solution: Solution, change: FloatArray) -> float:
@@ -328,11 +327,11 @@ def _rise(solution: Solution, change: FloatArray) -> float:
 
 
 def _shifts(
-    solution: Solution, moved: _Moved, known: Mapping[str, FittedEstimate]
+    solution: Solution, other: Objective, x: FloatArray, known: Mapping[str, FittedEstimate]
 ) -> dict[str, float]:
-    """Shift of every value in SI units, by its prefixed name."""
-    parameters, x = solution.parameters, solution.final.x
-    here, there = solution.final.parameters, to_model(parameters, moved.x)
+    """Shift of every value to another model at x, in SI units, by its prefixed name."""
+    parameters = solution.parameters
+    here, there = solution.final.parameters, to_model(parameters, x)
 
     def outputs(objective: Objective, at: FloatArray) -> dict[str, float]:
         means = output_means(objective.response, parameters, [at])
@@ -343,8 +342,8 @@ def _shifts(
         p.name: nearest_image(float(value), float(old), p.period)
         for p, value, old in zip(parameters, there, here, strict=True)
     }
-    before |= outputs(solution.objective, x)
-    after |= outputs(moved.objective, moved.x)
+    before |= outputs(solution.objective, solution.final.x)
+    after |= outputs(other, x)
     shifts = {}
     for name, value in known.items():
         shift = after.get(name, np.nan) - before.get(name, np.nan)

@@ -298,16 +298,16 @@ def scan_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
         profiles: by name of the value.
     """
     by_bounds: dict[tuple[str, ...], list[str]] = {}
-    for name, profile in profiles.items():
-        if profile.scan.held:
-            by_bounds.setdefault(profile.scan.held, []).append(name)
+    for name, (_, scan) in profiles.items():
+        if scan.held:
+            by_bounds.setdefault(scan.held, []).append(name)
     for held, names in by_bounds.items():
         yield note(Kind.interval_at_bound, ", ".join(names), {"values": tuple(names), "held": held})
     for why in STOPPED.values():
         stopped = [
             name
-            for name, profile in profiles.items()
-            if why in profile.scan.stopped and profile.value.status not in FINAL
+            for name, (value, scan) in profiles.items()
+            if why in scan.stopped and value.status not in FINAL
         ]
         if stopped:
             yield note(Kind.profiles_incomplete, why, {"values": tuple(stopped)})

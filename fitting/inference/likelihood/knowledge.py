@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Literal
 
 from fitting.fit.fit import Status
 from fitting.signal.misfit import correlated_below
@@ -130,11 +130,8 @@ class Scan(OldNames):
     stopped: tuple[str, str] = ("", "")
 
 
-class Profile(NamedTuple):
-    """A value with the profile that determines it."""
-
-    value: FittedEstimate
-    scan: Scan
+#: A value with the profile that determines it.
+Profile = tuple[FittedEstimate, Scan]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ from fitting.fit.linearisation import Linearisation
 from fitting.fit.optimum import Optimum
 from fitting.fit.outputs import output_means, output_means_beyond
 from fitting.measurements.measurement import PlacedResponse, Response
-from fitting.text.arrays import BoolArray, FloatArray
+from fitting.text.arrays import BoolArray, FloatArray, IntArray
 
 #: Seeded points within the bounds, and the most points of a grid over them, with their corners.
 BOX_SAMPLES, BOX_GRID = 64, 256
@@ -52,17 +52,6 @@ class OutputRange:
     x_low: FloatArray
     x_high: FloatArray
     depends: BoolArray
-
-
-@dataclass
-class _Search:
-    """A compass search of one output: its number, up or down by its sign, where it is, its step."""
-
-    output: int
-    sign: float
-    x: FloatArray
-    value: float
-    step: float = FIRST_STEP
 
 
 def output_ranges(
@@ -104,19 +93,10 @@ def output_ranges(
 
     table = read(points)
     depends = _dependence(read, lower, upper, own, points[-3:])
-    searches: list[_Search] = []
-    for output in map(int, np.flatnonzero(np.any(np.isfinite(table), axis=0))):
-        values = table[:, output]
-        for sign in (-1.0, 1.0):
-            best = int(np.argmax(np.where(np.isfinite(values), sign * values, -np.inf)))
-            searches.append(_Search(output, sign, points[best], float(values[best])))
-    _follow(searches, read, depends, lower, upper)
-
+    outputs, ends = _extreme_points(read, points, table, depends, lower, upper)
     # the ends are read at all places; the first known point counts where it lies beyond them
-    searches.reverse()
-    ends = [*(search.x for search in searches), known[0]]
+    outputs, ends = np.append(outputs[::-1], -1), [*reversed(ends), known[0]]
     whole = output_means_beyond(response, parameters, ends, names)
-    outputs = np.array([*(search.output for search in searches), -1])
     nowhere = np.full(len(parameters), np.nan)
     ranges = {}
     for k, name in enumerate(names):
@@ -134,37 +114,48 @@ def output_ranges(
     return ranges
 
 
-def _follow(
-    searches: Sequence[_Search],
+def _extreme_points(
     read: Read,
+    points: Sequence[FloatArray],
+    table: FloatArray,
     depends: BoolArray,
     lower: FloatArray,
     upper: FloatArray,
-) -> None:
-    """Carry out all compass searches, each round of theirs in one batch."""
+) -> tuple[IntArray, list[FloatArray]]:
+    """Where each output is least, then where it is greatest: their numbers (k,) and the places.
+
+    Compass searches from the best of some points, whose outputs are the rows of the table; each
+    round of theirs in one batch.
+    """
+    outputs = np.repeat(np.flatnonzero(np.any(np.isfinite(table), axis=0)), 2)
+    signs = np.tile([-1.0, 1.0], outputs.size // 2)
+    heights = np.where(np.isfinite(table[:, outputs]), signs * table[:, outputs], -np.inf)
+    best, steps = np.argmax(heights, axis=0), np.full(outputs.size, FIRST_STEP)
+    xs, highest = [points[k] for k in best], np.max(heights, axis=0)
     for _ in range(ROUNDS):
         active, nodes = [], list[FloatArray]()
-        for search in searches:
-            axes = np.flatnonzero(depends[:, search.output])
-            if search.step <= LAST_STEP or not axes.size:
+        for k, output in enumerate(outputs):
+            axes = np.flatnonzero(depends[:, output])
+            if steps[k] <= LAST_STEP or not axes.size:
                 continue
-            moved = np.repeat(search.x[np.newaxis], 2 * axes.size, axis=0)
-            steps = search.step * (upper - lower)[axes]
-            moved[np.arange(axes.size) * 2, axes] += steps
-            moved[np.arange(axes.size) * 2 + 1, axes] -= steps
-            active.append((search, slice(len(nodes), len(nodes) + 2 * axes.size)))
+            moved = np.repeat(xs[k][np.newaxis], 2 * axes.size, axis=0)
+            step = steps[k] * (upper - lower)[axes]
+            moved[np.arange(axes.size) * 2, axes] += step
+            moved[np.arange(axes.size) * 2 + 1, axes] -= step
+            active.append((k, slice(len(nodes), len(nodes) + 2 * axes.size)))
             nodes += list(np.clip(moved, lower, upper))
         if not active:
-            return
+            break
         table = read(nodes)
-        for search, own in active:
-            values = table[own, search.output]
-            ranked = np.where(np.isfinite(values), search.sign * values, -np.inf)
-            best = int(np.argmax(ranked))
-            if ranked[best] > search.sign * search.value:
-                search.x, search.value = nodes[own.start + best], float(values[best])
+        for k, own in active:
+            values = table[own, outputs[k]]
+            ranked = np.where(np.isfinite(values), signs[k] * values, -np.inf)
+            place = int(np.argmax(ranked))
+            if ranked[place] > highest[k]:
+                xs[k], highest[k] = nodes[own.start + place], ranked[place]
             else:
-                search.step *= 0.5
+                steps[k] *= 0.5
+    return outputs, xs
 
 
 def _points_within(lower: FloatArray, upper: FloatArray, seed: int) -> FloatArray:
