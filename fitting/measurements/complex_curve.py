@@ -180,17 +180,15 @@ class ComplexCurve(Record, Curve):
         Raises:
             BadInput: the phase of the line itself hides it.
         """
-        if self.delay_s is None and self._hides_delay:
+        if self.delay_s is not None:
+            return
+        span_hz, width_hz = float(np.ptp(self.u_hz)), abs(self.line.width_hz)
+        if width_hz * WIDTHS_FOR_DELAY > span_hz:
             raise BadInput(
-                f"{self.source}: the sweep spans {hertz(float(np.ptp(self.u_hz)))}, its line is "
-                f"{hertz(abs(self.line.width_hz))} wide: a delay is not resolved from the phase "
+                f"{self.source}: the sweep spans {hertz(span_hz)}, its line is "
+                f"{hertz(width_hz)} wide: a delay is not resolved from the phase "
                 f"of the line itself; wanted {WIDTHS_FOR_DELAY:g} line widths, or the delay"
             )
-
-    @property
-    def _hides_delay(self) -> bool:
-        width = abs(self.line.width_hz)
-        return bool(width * WIDTHS_FOR_DELAY > np.ptp(self.u_hz))
 
     @cached_property
     def line(self) -> ComplexLine:
@@ -214,11 +212,6 @@ class ComplexCurve(Record, Curve):
     def rows(self) -> int:
         """Number of residual rows: two for each value."""
         return 2 * int(self.y.size)
-
-    @property
-    def row_sigma(self) -> float:
-        """Standard deviation of its rows; zero where unknown."""
-        return self.sigma / self.largest
 
     @property
     def top_hz(self) -> float:

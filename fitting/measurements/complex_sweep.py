@@ -19,7 +19,14 @@ import numpy as np
 from fitting.campaign.parameters import Parameter
 from fitting.measurements.complex_curve import ComplexCurve, dip_qualities
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.figure import OF_LARGEST, Axis, Figure, compared, residual_points
+from fitting.measurements.figure import (
+    OF_LARGEST,
+    Axis,
+    Figure,
+    compared,
+    record_figure,
+    residual_points,
+)
 from fitting.measurements.gain import SharedGain, Solved
 from fitting.measurements.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.measurement import Estimated, Measurement, Predicting, Prediction, Values
@@ -32,27 +39,19 @@ from fitting.text.errors import BadInput
 from fitting.text.notation import number
 
 
-def complex_figure(
-    curve: ComplexCurve,
-    before: Values,
-    after: Values,
-    series: str = "",
-) -> Figure:
+def complex_figure(curve: ComplexCurve, before: Values, after: Values) -> Figure:
     """X and Y over frequency with the model, and residuals of both in % of the largest modulus.
 
     Args:
         curve: as measured.
         before: as simulated with the start parameters, (n,), in the curve's unit.
         after: with the fitted ones.
-        series: name of the series.
     """
-    f = curve.u_hz
-    x = Axis("drive frequency f", "Hz")
-    unit = "" if curve.unit == "1" else curve.unit
+    f, x = curve.u_hz, Axis("drive frequency f", "Hz")
     sigma = np.full(f.size, curve.sigma) if curve.sigma > 0.0 else None
     panels = [
         compared(
-            (x, Axis(f"quadrature {name}", unit)),
+            (x, Axis(f"quadrature {name}", curve.unit)),
             f,
             part(curve.y),
             part(before),
@@ -62,21 +61,19 @@ def complex_figure(
         for name, part in (("X", np.real), ("Y", np.imag))
     ]
     left = 100.0 * (after - curve.y) / curve.largest
-    rest = residual_points((x, OF_LARGEST), f, (("X", left.real), ("Y", left.imag)))
+    panels.append(residual_points((x, OF_LARGEST), f, (("X", left.real), ("Y", left.imag))))
     rms = number(float(np.sqrt(np.mean(np.abs(left) ** 2) / 2.0)), 2)
-    name = f"complex_sweep{f'_{curve.label}' if curve.label else ''}".replace("/", "_")
-    stated = f" {curve.label}" if curve.label else ""
-    return Figure(
-        name=name,
-        title=f"Complex sweep{stated}: measured and simulated",
+    return record_figure(
+        "complex_sweep",
+        "Complex sweep",
+        curve.label,
         caption=(
             f"Both quadratures at {f.size} frequencies with the model before and after the fit; "
             f"wiring: {curve.wiring.kind}, background: {curve.wiring.background}. Below: what the "
             f"fit leaves, {rms} % of the largest value in each quadrature (rms)."
         ),
         alt=f"X and Y at {f.size} frequencies with the fitted model; residual {rms} % rms.",
-        rows=((panels[0],), (panels[1],), (rest,)),
-        series=series,
+        panels=panels,
     )
 
 
@@ -104,12 +101,11 @@ def complex_maps(sweeps: ComplexSweep, fitted: Sequence[Values]) -> Figure:
         )
         for c, s in zip(curves, fitted, strict=True)
     )
-    unit = curves[0].unit
     most = max(float(np.max(s.left)) for s in spectra) or 1.0
     return ControlMaps(
         spectra=spectra,
         units=sweeps.units,
-        amplitude=Axis("modulus", "" if unit == "1" else unit),
+        amplitude=Axis("modulus", curves[0].unit),
         rest=Axis("|simulated - measured|", "σ" if known else "% of largest", low=0.0, high=most),
         name="complex_control_sweep",
         what="Moduli",
@@ -192,7 +188,22 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
 
         Where all have one it is looked for about that of the sweep that one mode describes best.
         """
-        return tuple(self._delay(c) for c in self._telling_delays)
+        result = []
+        for curve in self._telling_delays:
+            turn, start = 1.0 / float(np.ptp(curve.u_hz)), curve.line.delay_s
+            result.append(
+                Parameter(
+                    name=self.delay_name(curve),
+                    unit="s",
+                    lower=start - DELAY_REACH * turn,
+                    upper=start + DELAY_REACH * turn,
+                    start=start,
+                    reference=start,
+                    scale=0.1 * turn,
+                    role=DELAY,
+                )
+            )
+        return tuple(result)
 
     @property
     def _telling_delays(self) -> list[ComplexCurve]:
@@ -223,40 +234,23 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
         rotated = np.exp(2j * np.pi * (curve.u_hz - 0.5 * (curve.u_hz[0] + curve.u_hz[-1])) * tau)
         return np.asarray(curve.y * rotated)
 
-    def _delay(self, curve: ComplexCurve) -> Parameter:
-        turn = 1.0 / float(np.ptp(curve.u_hz))
-        start = curve.line.delay_s
-        return Parameter(
-            name=self.delay_name(curve),
-            unit="s",
-            lower=start - DELAY_REACH * turn,
-            upper=start + DELAY_REACH * turn,
-            start=start,
-            reference=start,
-            scale=0.1 * turn,
-            role=DELAY,
-        )
-
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Complex responses at all frequencies, wired; see `Measurement.predict`."""
         result = yield from self.responses(model, table, batch)
-        return [
-            self.wired([responses[k] for responses in result], tuple(map(float, delay)))
-            for k, delay in enumerate(self._delays(model, table))
-        ]
-
-    def _delays(self, model: DrivenModel, table: FloatArray) -> FloatArray:
-        """Delay of every sweep, s, for every row of the table: (k, sweeps)."""
         places = {q.name: i for i, q in enumerate(model.parameters) if q.role == DELAY}
-        columns = [
-            np.full(len(table), c.delay_s)
-            if c.delay_s is not None
-            else table[:, places[self.delay_name(c)]]
-            for c in self.records
+        delays_s = [
+            [
+                float(p[places[self.delay_name(c)]]) if c.delay_s is None else float(c.delay_s)
+                for c in self.records
+            ]
+            for p in table
         ]
-        return np.stack(columns, axis=1)
+        return [
+            self.wired([responses[k] for responses in result], delay_s)
+            for k, delay_s in enumerate(delays_s)
+        ]
 
     def wired(self, responses: Sequence[ComplexArray], delays_s: Sequence[float]) -> Prediction:
         """What is seen of responses, with the gains and backgrounds that suit the data best.
@@ -339,11 +333,6 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
             return (complex_maps(self, self.split(after)),)
         return super().figures(before, after)
 
-    def figure_of(
-        self,
-        record: ComplexCurve,
-        before: Values,
-        after: Values,
-    ) -> Figure:
+    def figure_of(self, record: ComplexCurve, before: Values, after: Values) -> Figure:
         """X and Y of a sweep with the model, and residuals of both."""
-        return complex_figure(record, before, after, self.series)
+        return complex_figure(record, before, after)

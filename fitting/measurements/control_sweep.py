@@ -12,7 +12,7 @@ a ratio whose denominator it is. Other amplitudes whose noise is known are magni
 that have it, and larger than the response by what noise makes of it on average
 (`fitting.signal.roughness`): M(chi_k D A) stands in place of chi_k D A.
 
-Scales (`SpectrumScales`) are real factors from simulated to measured amplitudes. For the rows i of
+Scales are real factors from simulated to measured amplitudes. For the rows i of
 one scale chi, of all spectra or of a single one, with A simulated and L measured amplitudes and
 weights w,
 
@@ -142,131 +142,6 @@ SCALE_STEPS, LEAST_SCALE = 2, 0.1
 NOISE_STEPS, LEAST_NOISE = 2, 0.3
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SpectrumScales:
-    """What the scales of rows are solved with.
-
-    Args:
-        measured: Amplitudes (rows,).
-        sizes: What each row is relative to, (rows,), in the unit of the amplitudes.
-        sigma: Standard deviation of every row, (rows,), over the sizes; 0: not known.
-        quadrature_sigma: Noise that makes magnitudes larger, (rows,), in the unit of the
-            amplitudes; 0: none.
-        lengths: Numbers of rows of each spectrum, (spectra,), if the squares tell its noise; else
-            empty.
-        counts: Numbers of rows that share a scale, (scales,), one after another.
-        logarithmic: Whether the rows are differences of logarithms.
-        output: The FMU's output, which complaints name.
-    """
-
-    measured: FloatArray
-    sizes: FloatArray
-    sigma: FloatArray
-    quadrature_sigma: FloatArray
-    lengths: IntArray
-    counts: IntArray
-    logarithmic: bool
-    output: str
-
-    def of(self, values: FloatArray) -> FloatArray:
-        """Least-squares factors from values to measured amplitudes, (scales,).
-
-        Args:
-            values: simulated amplitudes under the drive, (rows,).
-
-        Raises:
-            NoScale: the model answers with nothing.
-        """
-        last = self._remembered.get(0)
-        if last is None or last[0] is not values:
-            last = self._remembered[0] = (values, self._solved(values))
-        return last[1]
-
-    def scaled(self, values: FloatArray) -> FloatArray:
-        """Values under the scales of their rows, (rows,).
-
-        Args:
-            values: simulated amplitudes under the drive, (rows,).
-
-        Raises:
-            NoScale: the model answers with nothing.
-        """
-        return np.asarray(np.repeat(self.of(values), self.counts) * values)
-
-    def noise_beside(self, scaled: FloatArray) -> FloatArray:
-        """Noise of each quadrature beside amplitudes, (rows,), at most as the scatter says.
-
-        Args:
-            scaled: simulated amplitudes under the drive and the scale, (rows,).
-        """
-        most = self.quadrature_sigma
-        if not self.lengths.size:
-            return most
-        first, sigma = np.cumsum(self.lengths) - self.lengths, most
-        for _ in range(NOISE_STEPS):
-            weights = 1.0 / np.maximum(scaled**2 + sigma**2, np.finfo(float).tiny)
-            left = np.add.reduceat(weights * (self.measured**2 - scaled**2), first)
-            square = np.repeat(0.5 * left / np.add.reduceat(weights, first), self.lengths)
-            sigma = np.sqrt(np.clip(square, (LEAST_NOISE * most) ** 2, most**2))
-        return sigma
-
-    @cached_property
-    def _remembered(self) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """The last values and their scales: rows and figures ask for the same, no state."""
-        return {}
-
-    @cached_property
-    def _starts(self) -> IntArray:
-        """First row of every scale, (scales,)."""
-        return np.cumsum(self.counts) - self.counts
-
-    @cached_property
-    def _weights(self) -> FloatArray:
-        """Weights of all rows, (rows,), equal to a factor."""
-        if self.logarithmic:
-            sigma, unknown = self.sigma, np.ones(self.measured.size)
-        else:
-            sigma, unknown = self.sigma * self.sizes, self.sizes
-        known = np.repeat(np.minimum.reduceat(sigma, self._starts) > 0.0, self.counts)
-        return np.where(known, np.where(known, sigma, 1.0), unknown) ** -2
-
-    def _sums(self, rows: FloatArray) -> FloatArray:
-        """Sums over the rows of each scale, (scales,)."""
-        return np.asarray(np.add.reduceat(rows, self._starts))
-
-    def _solved(self, values: FloatArray) -> FloatArray:
-        weights = self._weights
-        if self.logarithmic:
-            if not np.all(values > 0.0):
-                raise NoScale(f"{self.output}: the model answers with zero, which has no logarithm")
-            apart = np.log(self.measured) - np.log(values)
-            return np.exp(self._sums(weights * apart) / self._sums(weights))
-        power = self._sums(weights * values**2)
-        if not np.all(power > 0.0):
-            raise NoScale(f"{self.output}: the model answers with nothing; wanted a response")
-        result = self._sums(weights * values * self.measured) / power
-        if np.any(self.quadrature_sigma > 0.0):
-            return self._of_magnitudes(values, LEAST_SCALE * result)
-        return result
-
-    def _of_magnitudes(self, values: FloatArray, least: FloatArray) -> FloatArray:
-        """Scales from what the squares say, whose mean is chi^2 values^2 + 2 sigma^2, by steps.
-
-        They are those of Gauss and Newton; a fixed number of them keeps the rows smooth.
-        """
-        weights = self._weights
-        shape = weights * values**2
-        square = self._sums(shape * (self.measured**2 - 2.0 * self.quadrature_sigma**2))
-        result = np.sqrt(np.maximum(square / self._sums(shape * values**2), least**2))
-        for _ in range(SCALE_STEPS):
-            scaled = np.repeat(result, self.counts) * values
-            observed = rician(scaled, self.noise_beside(scaled))
-            slopes = observed.slope * values
-            pull = self._sums(weights * slopes * (self.measured - observed.mean))
-            result = np.maximum(result + pull / self._sums(weights * slopes**2), least)
-        return result
-
-
 @checked
 @dataclass(frozen=True, kw_only=True)
 class ControlSweep(SweepsTogether[ControlSpectrum]):
@@ -380,7 +255,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         """
         if not self._is_rectified:
             return amplitude
-        return rician(amplitude, self._scales.noise_beside(amplitude)).mean
+        return rician(amplitude, self._noise_beside(amplitude)).mean
 
     @cached_property
     def measured_rows(self) -> FloatArray:
@@ -406,7 +281,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         result = np.zeros((self.rows, self.solved_inside))
         values = self.scaled(prediction, 1.0)
         if self._is_rectified:
-            values = rician(values, self._scales.noise_beside(values)).slope * values
+            values = rician(values, self._noise_beside(values)).slope * values
         values = values / self.sizes
         if self.logarithmic:
             values = np.ones(self.rows)
@@ -484,24 +359,8 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         """
         if self.scaled_by != "shared":
             return None
-        [chi] = self._scales.of(np.asarray(prediction.values, dtype=float))
+        [chi] = self._scales(np.asarray(prediction.values, dtype=float))
         return Scale(float(chi))
-
-    @cached_property
-    def _scales(self) -> SpectrumScales:
-        """The scales of the spectra, or the one of all."""
-        shared, told_by_scatter = self.scaled_by == "shared", all(s.scattered for s in self.spectra)
-        counts = [self.rows] if shared else [s.y.size for s in self.spectra]
-        return SpectrumScales(
-            measured=self.measured,
-            sizes=self.sizes,
-            sigma=self.sigma,
-            quadrature_sigma=self._quadrature_sigma,
-            lengths=np.array([s.y.size for s in self.spectra] if told_by_scatter else []),
-            counts=np.array(counts),
-            logarithmic=self.logarithmic,
-            output=self.output or self.setup.output,
-        )
 
     def scaled(self, prediction: Prediction, chi: float) -> FloatArray:
         """Simulated amplitudes beside the measured ones, (rows,), without noise.
@@ -513,7 +372,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         values = np.asarray(prediction.values, dtype=float)
         if self.scaled_by != "each":
             return chi * values
-        return self._scales.scaled(values)
+        return np.asarray(np.repeat(self._scales(values), self._counts) * values)
 
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """(M(chi D A) - L)/max L of each spectrum, shape (rows,).
@@ -527,15 +386,116 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
             return np.asarray(np.log(scaled / self.measured))
         return (self.seen_as(scaled) - self.measured) / self.sizes
 
+    # --- scales, solved inside -------------------------------------------------------------------
+
+    @cached_property
+    def _lengths(self) -> IntArray:
+        """Numbers of rows of each spectrum, (spectra,), if squares tell its noise; else empty."""
+        scattered = all(s.scattered for s in self.spectra)
+        return np.array([s.y.size for s in self.spectra] if scattered else [])
+
+    @cached_property
+    def _counts(self) -> IntArray:
+        """Numbers of rows that share a scale, (scales,), one after another."""
+        shared = self.scaled_by == "shared"
+        return np.array([self.rows] if shared else [s.y.size for s in self.spectra])
+
+    def _scales(self, values: FloatArray) -> FloatArray:
+        """Least-squares factors from values to measured amplitudes, (scales,).
+
+        Args:
+            values: simulated amplitudes under the drive, (rows,).
+
+        Raises:
+            NoScale: the model answers with nothing.
+        """
+        last = self._remembered.get(0)
+        if last is None or last[0] is not values:
+            last = self._remembered[0] = (values, self._solved(values))
+        return last[1]
+
+    def _noise_beside(self, scaled: FloatArray) -> FloatArray:
+        """Noise of each quadrature beside amplitudes, (rows,), at most as the scatter says.
+
+        Args:
+            scaled: simulated amplitudes under the drive and the scale, (rows,).
+        """
+        most = self._quadrature_sigma
+        if not self._lengths.size:
+            return most
+        first, sigma = np.cumsum(self._lengths) - self._lengths, most
+        for _ in range(NOISE_STEPS):
+            weights = 1.0 / np.maximum(scaled**2 + sigma**2, np.finfo(float).tiny)
+            left = np.add.reduceat(weights * (self.measured**2 - scaled**2), first)
+            square = np.repeat(0.5 * left / np.add.reduceat(weights, first), self._lengths)
+            sigma = np.sqrt(np.clip(square, (LEAST_NOISE * most) ** 2, most**2))
+        return sigma
+
+    @cached_property
+    def _remembered(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """The last values and their scales: rows and figures ask for the same, no state."""
+        return {}
+
+    @cached_property
+    def _starts(self) -> IntArray:
+        """First row of every scale, (scales,)."""
+        return np.cumsum(self._counts) - self._counts
+
+    @cached_property
+    def _weights(self) -> FloatArray:
+        """Weights of all rows, (rows,), equal to a factor."""
+        if self.logarithmic:
+            sigma, unknown = self.sigma, np.ones(self.measured.size)
+        else:
+            sigma, unknown = self.sigma * self.sizes, self.sizes
+        known = np.repeat(np.minimum.reduceat(sigma, self._starts) > 0.0, self._counts)
+        return np.where(known, np.where(known, sigma, 1.0), unknown) ** -2
+
+    def _sums(self, rows: FloatArray) -> FloatArray:
+        """Sums over the rows of each scale, (scales,)."""
+        return np.asarray(np.add.reduceat(rows, self._starts))
+
+    def _solved(self, values: FloatArray) -> FloatArray:
+        weights, output = self._weights, self.output or self.setup.output
+        if self.logarithmic:
+            if not np.all(values > 0.0):
+                raise NoScale(f"{output}: the model answers with zero, which has no logarithm")
+            apart = np.log(self.measured) - np.log(values)
+            return np.exp(self._sums(weights * apart) / self._sums(weights))
+        power = self._sums(weights * values**2)
+        if not np.all(power > 0.0):
+            raise NoScale(f"{output}: the model answers with nothing; wanted a response")
+        result = self._sums(weights * values * self.measured) / power
+        if np.any(self._quadrature_sigma > 0.0):
+            return self._of_magnitudes(values, LEAST_SCALE * result)
+        return result
+
+    def _of_magnitudes(self, values: FloatArray, least: FloatArray) -> FloatArray:
+        """Scales from what the squares say, whose mean is chi^2 values^2 + 2 sigma^2, by steps.
+
+        They are those of Gauss and Newton; a fixed number of them keeps the rows smooth.
+        """
+        weights = self._weights
+        shape = weights * values**2
+        square = self._sums(shape * (self.measured**2 - 2.0 * self._quadrature_sigma**2))
+        result = np.sqrt(np.maximum(square / self._sums(shape * values**2), least**2))
+        for _ in range(SCALE_STEPS):
+            scaled = np.repeat(result, self._counts) * values
+            observed = rician(scaled, self._noise_beside(scaled))
+            slopes = observed.slope * values
+            pull = self._sums(weights * slopes * (self.measured - observed.mean))
+            result = np.maximum(result + pull / self._sums(weights * slopes**2), least)
+        return result
+
+    # --- what the rows say -----------------------------------------------------------------------
+
     def share_left(self, residuals: FloatArray) -> float:
         """Root mean square of the worst spectrum; of logarithms NaN, they are shares of each point.
 
         Args:
             residuals: rows (rows,).
         """
-        if self.logarithmic:
-            return math.nan
-        return max(float(np.sqrt(np.mean(residuals[mine] ** 2))) for mine in self.slices)
+        return math.nan if self.logarithmic else super().share_left(residuals)
 
     def residual_curves(self, residuals: FloatArray) -> Sequence[ResidualCurve]:
         """Every spectrum over frequency.
@@ -545,11 +505,11 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         """
         result = []
         for s, mine in zip(self.spectra, self.slices, strict=True):
-            values = s.y * np.exp(residuals[mine]) if self.logarithmic else s.y
-            if not self.logarithmic:
-                values = values + residuals[mine] * s.largest
-            slope = 1.0 / values if self.logarithmic else np.full(s.y.size, 1.0 / s.largest)
-            share = s.y / s.largest if self.logarithmic else np.ones(s.y.size)
+            values, share = s.y + residuals[mine] * s.largest, np.ones(s.y.size)
+            slope = np.full(s.y.size, 1.0 / s.largest)
+            if self.logarithmic:
+                values, share = s.y * np.exp(residuals[mine]), s.y / s.largest
+                slope = 1.0 / values
             result.append(
                 ResidualCurve(
                     rows=np.arange(mine.start, mine.stop),
@@ -583,52 +543,44 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         Args:
             residuals: rows (rows,).
         """
-        shape = self._shape
-        far = self._leaves_most(shape - np.mean(shape), residuals)
-        if far and not self._leaves_noise(residuals, self.sigma):
-            return "the simulated spectra do not follow the measured ones"
-        return ""
+        missed = self._misses_curve(self._shape - np.mean(self._shape), residuals)
+        return "the simulated spectra do not follow the measured ones" if missed else ""
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """Maps over control and frequency, or few lines: measured, simulated, and what is left.
+
+        Amplitudes in dB are drawn as such.
 
         Args:
             before: predictions (rows,) at the start parameters.
             after: the same at the fitted parameters.
         """
         fitted = self.scaled(Prediction(np.asarray(after, dtype=float)), 1.0)
-        maps = self._maps(fitted)
-        return (lines_figure(maps) if len(self.spectra) <= MOST_LINES else maps.figure,)
-
-    def _maps(self, fitted: FloatArray) -> ControlMaps:
-        """The maps of fitted amplitudes (rows,); dB as the laboratory has them."""
         known = bool(np.all(self.sigma > 0.0))
         size = self.sigma * self.sizes if known else 0.01 * self.sizes
         left, unit = (self.seen_as(fitted) - self.measured) / size, "σ" if known else "% of maximum"
-        shown, given = (self.measured, fitted), "" if self.unit == "1" else self.unit
+        measured, simulated, amplitude_unit = self.measured, fitted, self.unit
         if self.logarithmic:
-            left, unit = _decibels(fitted / self.measured), "dB"
-            shown, given = (_decibels(self.measured), _decibels(fitted)), f"dB({given})"
+            left, unit = 20.0 * np.log10(fitted / self.measured), "dB"
+            measured, simulated = 20.0 * np.log10(measured), 20.0 * np.log10(fitted)
+            amplitude_unit = "dB" if self.unit == "1" else f"dB({self.unit})"
         most = float(np.max(np.abs(left), initial=0.0)) or 1.0
-        return ControlMaps(
+        maps = ControlMaps(
             spectra=tuple(
                 MappedSpectrum(
                     label=s.label,
                     settings=s.settings,
                     frequency_hz=s.u_hz,
-                    measured=shown[0][mine],
-                    fitted=shown[1][mine],
+                    measured=measured[mine],
+                    fitted=simulated[mine],
                     left=left[mine],
                     response=fitted[mine] / s.level,
                 )
                 for s, mine in zip(self.spectra, self.slices, strict=True)
             ),
             units=self.units,
-            amplitude=Axis("amplitude", given.removesuffix("()")),
+            amplitude=Axis("amplitude", amplitude_unit),
             rest=Axis("simulated - measured", unit, low=-most, high=most),
             series=self.series,
         )
-
-
-def _decibels(a: FloatArray) -> FloatArray:
-    return np.asarray(20.0 * np.log10(a))
+        return (lines_figure(maps) if len(self.spectra) <= MOST_LINES else maps.figure,)

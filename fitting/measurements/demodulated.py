@@ -24,16 +24,24 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from fitting.campaign import Setup
-from fitting.fmu.runs import SampledSignal
 from fitting.lines.decay_begin import decay_start
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.figure import OF_LARGEST, Axis, Figure, Panel, compared, residual_points
+from fitting.measurements.figure import (
+    DRAWN,
+    OF_LARGEST,
+    Axis,
+    Figure,
+    Panel,
+    compared,
+    record_figure,
+    residual_points,
+)
 from fitting.measurements.measurement import Values
 from fitting.measurements.records import OfSetup
 from fitting.measurements.residuals import ResidualCurve
-from fitting.measurements.time_record import FOUND, TimeRecord, ask_decay
+from fitting.measurements.time_record import TimeRecord, ask_decay
 from fitting.measurements.trace_survey import Asked, TracesTogether
-from fitting.measurements.traces import DRAWN, SHIFTS, together
+from fitting.measurements.traces import SHIFTS, together
 from fitting.signal.least_squares import damped_step
 from fitting.signal.rotating import SENSED, Reference, line_columns, reference, rotating_responses
 from fitting.signal.roughness import Scatter, rician, scatter_of
@@ -67,7 +75,7 @@ class DemodulatedRecord(TimeRecord):
     floor: bool = True
     source: str = "demodulated trace"
 
-    is_complex = True
+    is_demodulated = True
 
     def check_statements(self) -> None:
         """Complain of fields that do not go together."""
@@ -156,11 +164,6 @@ class DemodulatedRecord(TimeRecord):
         return None if self.scatter.drowns else self.scatter.noise
 
     @property
-    def row_sigma(self) -> float:
-        """Standard deviation of its rows; zero where unknown."""
-        return self.sigma / self.largest
-
-    @property
     def solved_inside(self) -> int:
         """Number of unknowns that are solved for: amplitudes have no common phase."""
         if self.is_amplitude:
@@ -209,11 +212,6 @@ class DemodulatedRecord(TimeRecord):
         return reference(self.frequency_hz, self.spacing_s)
 
     @property
-    def has_own_steps(self) -> bool:
-        """A step may be many periods: what it may not be is found by halving it."""
-        return False
-
-    @property
     def run_step_s(self) -> float:
         """Spacing of the samples of its runs, s."""
         return self.reference.step_s
@@ -233,24 +231,14 @@ class DemodulatedRecord(TimeRecord):
     @property
     def pulse_window(self) -> Window:
         """Samples of the response to a pulse, as long as the record and its shifts."""
-        return _pulse_window(self.run_step_s, self.run_samples)
+        step_s = self.run_step_s
+        return Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=self.run_samples)
 
     @property
     def sensing_window(self) -> Window:
         """Samples of a second response, which tells what turns forwards."""
-        return _pulse_window(self.reference.sensing_step_s, SENSED)
-
-    def sensing_pulse(self, per_sample: int) -> SampledSignal:
-        """The pulse of the second response.
-
-        Args:
-            per_sample: steps between two samples.
-        """
-        return self.pulse(per_sample, window=self.sensing_window)
-
-
-def _pulse_window(step_s: float, samples: int) -> Window:
-    return Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=samples)
+        step_s = self.reference.sensing_step_s
+        return Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=SENSED)
 
 
 #: Steps at most, the relative one that ends them, and the damping of the first: its factors.
@@ -358,22 +346,15 @@ def _guess(
 LOWEST = 1e-9
 
 
-def demodulated_figure(
-    trace: DemodulatedRecord,
-    before: Values,
-    after: Values,
-    series: str = "",
-) -> Figure:
+def demodulated_figure(trace: DemodulatedRecord, before: Values, after: Values) -> Figure:
     """A trace with the model, its residuals, and their autocorrelation.
 
     Args:
         trace: as measured.
         before: as simulated with the start parameters, (n,), in the trace's unit.
         after: with the fitted ones.
-        series: name of the series.
     """
     x = Axis("time", "s")
-    unit = "" if trace.unit == "1" else trace.unit
     every = slice(None, None, -(-trace.t.size // DRAWN))
     t = trace.t[every]
 
@@ -382,37 +363,33 @@ def demodulated_figure(
         return compared((x, axis), t, *shown)
 
     floor = LOWEST * trace.largest
-    rows = [(panel(Axis("amplitude", unit, log=True), lambda v: np.maximum(np.abs(v), floor)),)]
+    size = Axis("amplitude", trace.unit, log=True)
+    panels = [panel(size, lambda v: np.maximum(np.abs(v), floor))]
     if not trace.is_amplitude:
-        rows.append((panel(Axis("quadrature X", unit), np.real),))
+        panels.append(panel(Axis("quadrature X", trace.unit), np.real))
     left = trace.rows_of(after - trace.y)
     parts = [left] if trace.is_amplitude else list(np.split(left, 2))
     names = ("",) if trace.is_amplitude else ("X", "Y")
     shares = [100.0 * part[every] for part in parts]
     rest = residual_points((x, OF_LARGEST), t, list(zip(names, shares, strict=True)))
     rms = number(100.0 * float(np.sqrt(np.mean(left**2))), 2)
-    stated = f" {trace.label}" if trace.label else ""
     what = "amplitudes" if trace.is_amplitude else "phasors"
-    return Figure(
-        name=f"demodulated{f'_{trace.label}' if trace.label else ''}".replace("/", "_"),
-        title=f"Demodulated trace{stated}: measured and simulated",
+    factors = f"its amplitude at {trace.first_words} is"
+    if trace.modes > 1:
+        factors = f"the amplitudes of {trace.modes} modes at {trace.first_words} are"
+    return record_figure(
+        "demodulated",
+        "Demodulated trace",
+        trace.label,
         caption=(
             f"{trace.y.size} {what} at {hertz(trace.frequency_hz)} with the model before and after "
-            f"the fit; {_begin(trace)}. Below: what the fit leaves, {rms} % of the largest value "
-            "(rms), and its autocorrelation, with the band that holds 95 % of it where it is white."
+            f"the fit; {factors} solved for. Below: what the fit leaves, {rms} % of the largest "
+            "value (rms), and its autocorrelation, with the band that holds 95 % of it where it is "
+            "white."
         ),
         alt=f"A decay of {trace.y.size} {what} with the fitted model; residual {rms} % rms.",
-        rows=(*rows, (rest,), (together(parts[0]),)),
-        series=series,
+        panels=(*panels, rest, together(parts[0])),
     )
-
-
-def _begin(trace: DemodulatedRecord) -> str:
-    first = "the first sample"
-    if trace.begin == FOUND:
-        first = f"{trace.t[0]:.6g} s, where the free decay was found to begin"
-    many = "its amplitude" if trace.modes == 1 else f"the amplitudes of {trace.modes} modes"
-    return f"{many} at {first} {'is' if trace.modes == 1 else 'are'} solved for"
 
 
 @checked
@@ -462,19 +439,12 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
     """One or several demodulated traces that are fitted together."""
 
     NOUN = "demodulated trace"
+    GROUP = "demodulated/"
 
     @property
     def sampled_hz(self) -> tuple[float, ...]:
         """Rates of the samples, each once."""
         return tuple(dict.fromkeys(1.0 / trace.spacing_s for trace in self.traces))
-
-    def key(self, trace: DemodulatedRecord) -> str:
-        """What the plan knows a trace by.
-
-        Args:
-            trace: one of them.
-        """
-        return f"{self.series}/demodulated/{trace.label}"
 
     def ask(
         self, model: DrivenModel, trace: DemodulatedRecord, p: FloatArray, batch: Batch, owner: int
@@ -488,12 +458,13 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
             batch: where runs are asked for.
             owner: which evaluation pays for them.
         """
-        values = model.whole.values(p, trace.label or None, trace.settings)
+        values = self.start_values(model, trace, p)
         plan, output = model.plan.step_plan(self.key(trace)), self.output_of(trace)
-        sensing = trace.sensing_pulse(1 if plan is None else plan.per_sample)
+        window = trace.sensing_window
+        sensing = trace.pulse(1 if plan is None else plan.per_sample, window=window)
         return Asked(
             decay=ask_decay(trace, values, plan, batch, output, owner),
-            further=batch.ask(values, trace.sensing_window, sensing, output, owner),
+            further=batch.ask(values, window, sensing, output, owner),
         )
 
     def read(
@@ -519,11 +490,6 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
         values = unit @ lstsq(unit, trace.y)[0]
         return values, np.stack(line_columns(unit), axis=1) / trace.largest
 
-    def figure_of(
-        self,
-        record: DemodulatedRecord,
-        before: Values,
-        after: Values,
-    ) -> Figure:
+    def figure_of(self, record: DemodulatedRecord, before: Values, after: Values) -> Figure:
         """A trace with the model, its residuals, and their autocorrelation."""
-        return demodulated_figure(record, before, after, self.series)
+        return demodulated_figure(record, before, after)

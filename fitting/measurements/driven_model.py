@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
-from typing import NamedTuple
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
@@ -63,12 +62,12 @@ def _in_unit(tone_hz: float, unit: str) -> float:
     return convert(tone_hz, "Hz", unit, where="[sweep] frequency")
 
 
-class _Roles(NamedTuple):
-    """Positions in p with the start values that they are, laws' coefficients, or are added to."""
-
-    targets: tuple[tuple[int, str], ...]
-    coefficients: tuple[tuple[int, str], ...]
-    added: tuple[tuple[int, tuple[str, ...]], ...]
+#: Positions in p with the start values that they are, laws' coefficients, or are added to.
+_Roles = tuple[
+    tuple[tuple[int, str], ...],
+    tuple[tuple[int, str], ...],
+    tuple[tuple[int, tuple[str, ...]], ...],
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,12 +128,13 @@ class DrivenModel:
         Raises:
             FmuFailure: a law has no finite value there.
         """
-        number, roles = p.item, self._roles(label)  # a few of perhaps a thousand
+        number = p.item  # a few of perhaps a thousand
+        targets, laws, added = self._roles(label)
         values = {**self._common, **settings}
-        values.update({target: number(i) for i, target in roles.targets})
-        coefficients = {target: number(i) for i, target in roles.coefficients}
+        values.update({target: number(i) for i, target in targets})
+        coefficients = {target: number(i) for i, target in laws}
         values = self.setup.laws.applied(values, coefficients)
-        for i, names in roles.added:
+        for i, names in added:
             for name in names:
                 values[name] = float(values[name]) + number(i)
         return values
@@ -171,33 +171,16 @@ class DrivenModel:
         if result is None:
             acting = [(i, self.parameters[i]) for i in self.columns(label)]
             own = [(i, q) for i, q in acting if not q.adds_to]
-            result = self._known_roles[label] = _Roles(
-                targets=tuple((i, q.target) for i, q in own if q.role == "model"),
-                coefficients=tuple((i, q.target) for i, q in own if q.role == "coefficient"),
-                added=tuple((i, q.adds_to) for i, q in acting if q.adds_to),
+            result = self._known_roles[label] = (
+                tuple((i, q.target) for i, q in own if q.role == "model"),
+                tuple((i, q.target) for i, q in own if q.role == "coefficient"),
+                tuple((i, q.adds_to) for i, q in acting if q.adds_to),
             )
         return result
 
     @cached_property
     def _known_roles(self) -> dict[str | None, _Roles]:
         return {}
-
-    def single_tone_values(
-        self,
-        p: FloatArray,
-        settings: Mapping[str, Scalar],
-        tone_hz: float,
-        label: str | None = None,
-    ) -> dict[str, Scalar]:
-        """Start values under one tone: its frequency (Hz), the other amplitudes zero.
-
-        Args:
-            p: parameters (n,), each in its own unit.
-            settings: values of FMU variables, by name.
-            tone_hz: frequency of the tone, Hz.
-            label: of the place whose own parameters act, None for a sweep.
-        """
-        return self.tones_of(self.values(p, label, settings)) | self.tone_values((tone_hz,))
 
     def tones_of(self, values: Mapping[str, Scalar], count: int = 1) -> dict[str, Scalar]:
         """Start values for some tones of one amplitude, but for those of the tones themselves.

@@ -78,9 +78,9 @@ class Layer:
 class Axis:
     """What stands on an axis: ``label`` and ``unit``, which may get a prefix; linear, or ``log``.
 
-    It goes from ``low`` to ``high``, in its unit; None: as the layers need. ``ticks`` are places
-    with their own texts, where numbers mean nothing. Panels of one figure whose axes are equal
-    share them.
+    The unit "1" is none. It goes from ``low`` to ``high``, in its unit; None: as the layers need.
+    ``ticks`` are places with their own texts, where numbers mean nothing. Panels of one figure
+    whose axes are equal share them.
     """
 
     label: str
@@ -90,6 +90,10 @@ class Axis:
     low: float | None = None
     high: float | None = None
     ticks: tuple[tuple[float, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.unit == "1":
+            object.__setattr__(self, "unit", "")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,5 +240,35 @@ def residual_points(
     )
 
 
+def record_figure(
+    name: str,
+    noun: str,
+    label: str,
+    *,
+    caption: str,
+    alt: str,
+    panels: Sequence[Panel],
+) -> Figure:
+    """The figure of one record of a kind, its panels one below the other.
+
+    Args:
+        name: of the kind, for files.
+        noun: of the kind, for the title.
+        label: of the record; empty: the only one.
+        caption: below the figure.
+        alt: for those who do not see it.
+        panels: from above.
+    """
+    return Figure(
+        name=f"{name}{f'_{label}' if label else ''}".replace("/", "_"),
+        title=f"{noun}{f' {label}' if label else ''}: measured and simulated",
+        caption=caption,
+        alt=alt,
+        rows=tuple((panel,) for panel in panels),
+    )
+
+
+#: Points that are drawn of a layer, at most: the first and last of equal stretches.
+DRAWN = 4000
 #: Residuals of a record over its largest value.
 OF_LARGEST = Axis("minus measured", "% of largest")

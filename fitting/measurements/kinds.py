@@ -1,9 +1,9 @@
 """The kinds of measurements that a campaign file can tell of, and campaigns with them.
 
-A kind is one file in this folder, or one for each of its nouns. It holds the table of campaign.toml
-(a `MeasurementTable`), the data as arrays in a frozen record that answers to `Measurement`, and its
-figure; it is found by being here. `tones` and `sweep` have their tables in the campaign room, where
-drift, noise and scale rest on them.
+A kind is one file in this folder, or two, the second with its table. It holds the table of
+campaign.toml (a `MeasurementTable`), the data as arrays in a frozen record that answers to
+`Measurement`, and its figure; it is found by being here. `tones` and `sweep` have their tables in
+the campaign room, where drift, noise and scale rest on them.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def kinds_in(modules: Sequence[ModuleType]) -> tuple[type[MeasurementTable], ...
 
 
 def _modules() -> list[ModuleType]:
-    """All files of this folder, and of those in it, but those that need this one."""
+    """All files of this folder but those that need this one."""
     folder = fitting.measurements
-    names = (m.name for m in pkgutil.walk_packages(folder.__path__, f"{folder.__name__}."))
+    names = (m.name for m in pkgutil.iter_modules(folder.__path__, f"{folder.__name__}."))
     own = tuple(f"{folder.__name__}.{name}" for name in ("kinds", "schema"))
     return [importlib.import_module(name) for name in names if name not in own]
 

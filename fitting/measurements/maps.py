@@ -87,74 +87,63 @@ class ControlMaps:
         return listed(self._told) if self.numbered else self.control
 
     @property
-    def _all_over(self) -> str:
-        return listed((*(self._told if self.numbered else (self.control,)), "drive frequency"))
+    def _unit(self) -> str:
+        return "" if self.numbered else self.units.get(self.control, "")
 
     @cached_property
+    def _at(self) -> list[float]:
+        """Where each spectrum is drawn: at the value of the control, or at its number."""
+        if self.numbered:
+            return [float(k) for k in range(1, len(self.spectra) + 1)]
+        return [float(s.settings[self.control]) for s in self.spectra]
+
+    @property
     def _axis(self) -> Axis:
         """The control; of numbered spectra a text for each, or for some where there are many."""
         if not self.numbered:
             return Axis(self.control, self._unit)
         units = [unit_text(self.units.get(name, "")) for name in self._told]
         heads = [f"{n} ({u})" if u else n for n, u in zip(self._told, units, strict=True)]
-        spectra = self.spectra
-        every = math.ceil(len(spectra) / MOST_TICKS)
+        every = math.ceil(len(self.spectra) / MOST_TICKS)
         ticks = tuple(
             (at, "\n".join(_written(s.settings.get(name)) for name in self._told))
-            for at, s in list(zip(self._at, spectra, strict=True))[::every]
+            for at, s in list(zip(self._at, self.spectra, strict=True))[::every]
         )
         return Axis(" above ".join(heads), ticks=ticks)
 
-    @property
-    def _unit(self) -> str:
-        return "" if self.numbered else self.units.get(self.control, "")
-
-    @cached_property
-    def _at(self) -> list[float]:
-        spectra = self.spectra
-        if self.numbered:
-            return [float(k) for k in range(1, len(spectra) + 1)]
-        return [float(s.settings[self.control]) for s in spectra]
-
-    @cached_property
-    def _x(self) -> FloatArray:
-        pairs = zip(self._at, self.spectra, strict=True)
-        return np.concatenate([np.full(s.frequency_hz.size, value) for value, s in pairs])
-
-    @cached_property
-    def _f(self) -> FloatArray:
-        return np.concatenate([s.frequency_hz for s in self.spectra])
-
     @cached_property
     def branches(self) -> list[tuple[float, FloatArray]]:
-        """Control and frequencies (Hz) of the maxima of the model's curve, for each spectrum."""
+        """Control and frequencies (Hz) of the maxima of the model's curve, for each spectrum.
+
+        Each is the maximum of the parabola through the three points about it.
+        """
         result = []
         for value, s in zip(self._at, self.spectra, strict=True):
-            a = s.response
-            top = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] >= a[2:])) + 1
-            result.append((value, np.array([_vertex(s.frequency_hz, a, int(k)) for k in top])))
+            f, a, places = s.frequency_hz, s.response, []
+            for k in np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] >= a[2:])):
+                poly = np.polynomial.Polynomial.fit(f[k : k + 3], a[k : k + 3], 2)
+                top_hz = float(np.real(poly.deriv().roots()[0]))
+                places.append(float(np.clip(top_hz, f[k], f[k + 2])))
+            result.append((value, np.array(places)))
         return result
 
     @property
     def gap(self) -> str:
-        """Words for the closest approach of two maxima of the model, empty where there is none."""
+        """Words for the closest approach of maxima of the model, empty where there is none."""
         apart = [(float(np.min(np.diff(f))), at) for at, f in self.branches if f.size > 1]
         if not apart:
             return ""
         least, at = min(apart)
-        stated = f" The model's maxima come closest at {self._place(at)}"
-        return f"{stated}, {hertz(least, digits=4)} apart.{self._gaps}"
-
-    @property
-    def _gaps(self) -> str:
-        """Words for the gaps between neighbouring maxima, where there are three and more."""
+        text = f" The model's maxima come closest at {self._place(at)}"
+        text += f", {hertz(least, digits=4)} apart."
         most = max(f.size for _, f in self.branches)
         if most < 3:
-            return ""
+            return text
         full = [(np.diff(f), at) for at, f in self.branches if f.size == most]
-        least = [min((float(gaps[k]), at) for gaps, at in full) for k in range(most - 1)]
-        each = listed(f"{hertz(gap, digits=4)} at {self._place(at)}" for gap, at in least)
-        return f" Where there are {most}, neighbours come closest, from the lowest up, to {each}."
+        closest = [min((float(gaps[k]), at) for gaps, at in full) for k in range(most - 1)]
+        each = listed(f"{hertz(gap, digits=4)} at {self._place(at)}" for gap, at in closest)
+        text += f" Where there are {most}, neighbours come closest, from the lowest up, to {each}."
+        return text
 
     def _place(self, at: float) -> str:
         """A value of the control, or a numbered spectrum, in words."""
@@ -163,51 +152,37 @@ class ControlMaps:
         return f"{self.over} = {f'{at:.4g} {self._unit}'.strip()}"
 
     @property
-    def _order(self) -> str:
-        """How spectra follow each other, where no control orders them."""
-        return ", in the order of the data" if self.numbered else ""
-
-    def _panel(self, title: str, z: FloatArray, axis: Axis, *further: Layer) -> Panel:
-        drawn = Layer(Role.MEASURED, Form.MAP, self._x, self._f, z=z)
-        return Panel(
-            x=self._axis,
-            y=Axis("frequency", "Hz"),
-            z=axis,
-            layers=(drawn, *further),
-            title=title,
-        )
-
-    @property
     def figure(self) -> Figure:
         """Three maps: measured, with the model's branches; simulated; residuals."""
         pairs = [(at, f) for at, result in self.branches for f in result]
-        lines = Layer(
-            Role.START,
-            Form.POINTS,
-            np.array([at for at, _ in pairs]),
-            np.array([f for _, f in pairs]),
-            label="maxima of the fitted model",
-        )
+        x, y = np.array(pairs).reshape(-1, 2).T
+        lines = Layer(Role.START, Form.POINTS, x, y, label="maxima of the fitted model")
         marks = (lines,) if pairs else ()
-        measured, fitted, left = (
-            np.concatenate([getattr(s, name) for s in self.spectra])
-            for name in ("measured", "fitted", "left")
-        )
-        spectra = len(self.spectra)
+        sizes = [s.frequency_hz.size for s in self.spectra]
+        at, f = np.repeat(self._at, sizes), np.concatenate([s.frequency_hz for s in self.spectra])
+
+        def panel(title: str, name: str, axis: Axis, *further: Layer) -> Panel:
+            z = np.concatenate([getattr(s, name) for s in self.spectra])
+            drawn = Layer(Role.MEASURED, Form.MAP, at, f, z=z)
+            y_axis = Axis("frequency", "Hz")
+            return Panel(x=self._axis, y=y_axis, z=axis, layers=(drawn, *further), title=title)
+
+        controls = self._told if self.numbered else (self.control,)
+        ordered = ", in the order of the data" if self.numbered else ""
         return Figure(
             name=self.name,
-            title=f"Response over {self._all_over}",
+            title=f"Response over {listed((*controls, 'drive frequency'))}",
             caption=(
-                f"{self.what} of {spectra} spectra over {self.over}{self._order}, measured, "
+                f"{self.what} of {len(sizes)} spectra over {self.over}{ordered}, measured, "
                 f"simulated with the fitted parameters, and what is left.{self.gap}"
             ),
-            alt=f"Maps of {spectra} spectra over {self.over}: measured, simulated, difference.",
+            alt=f"Maps of {len(sizes)} spectra over {self.over}: measured, simulated, difference.",
             rows=(
                 (
-                    self._panel("measured", measured, self.amplitude, *marks),
-                    self._panel("simulated, fitted parameters", fitted, self.amplitude, *marks),
+                    panel("measured", "measured", self.amplitude, *marks),
+                    panel("simulated, fitted parameters", "fitted", self.amplitude, *marks),
                 ),
-                (self._panel("difference", left, self.rest),),
+                (panel("difference", "left", self.rest),),
             ),
             series=self.series,
         )
@@ -224,13 +199,6 @@ def _written(value: object) -> str:
     return text.replace("-", "−")
 
 
-def _vertex(f: FloatArray, a: FloatArray, k: int) -> float:
-    """Place of the maximum of the parabola through three points about the k-th."""
-    poly = np.polynomial.Polynomial.fit(f[k - 1 : k + 2], a[k - 1 : k + 2], 2)
-    place = float(np.real(poly.deriv().roots()[0]))
-    return float(np.clip(place, f[k - 1], f[k + 1]))
-
-
 #: Sweeps up to which each has a panel of its own; more of them are maps.
 MOST_LINES = 3
 #: Points of the fitted curve.
@@ -245,64 +213,44 @@ def lines_figure(maps: ControlMaps) -> Figure:
     Args:
         maps: the sweeps as maps would show them.
     """
-    curves = [_smooth(s) for s in maps.spectra]
-    result = list(zip(maps.spectra, curves, map(_maxima, curves), strict=True))
-    stated = "; ".join(f"{s.label}: {_apart(peaks)}" for s, _, peaks in result if peaks.size > 1)
-    count = how_many(len(result), "sweep")
+    above, below, stated = [], [], []
+    most = 1.15 * float(maps.rest.high or 1.0)
+    rest = Axis("difference", maps.rest.unit, low=-most, high=most)
+    x = Axis("frequency", "Hz")
+    for s in maps.spectra:
+        # the fitted curve between the points as well, by a cubic spline
+        between = np.linspace(s.frequency_hz[0], s.frequency_hz[-1], FINE)
+        f = np.unique(np.concatenate([s.frequency_hz, between]))
+        a = np.asarray(CubicSpline(s.frequency_hz, s.fitted)(f))
+        peaks = f[1:-1][(a[1:-1] > a[:-2]) & (a[1:-1] >= a[2:])]
+        several = peaks.size > 1
+        apart = f"{hertz(float(np.ptp(peaks)), digits=3)} apart" if several else ""
+        stated += [f"{s.label}: {apart}"] if several else []
+        above.append(
+            Panel(
+                x=x,
+                y=maps.amplitude,
+                layers=(
+                    Layer(Role.MEASURED, Form.POINTS, s.frequency_hz, s.measured, label="measured"),
+                    Layer(Role.SIMULATED, Form.CURVE, f, a, label="fitted"),
+                ),
+                title=s.label,
+                notes=(apart,) if several else (),
+                marked=tuple(map(float, peaks)) if several else (),
+            )
+        )
+        left = Layer(Role.MEASURED, Form.POINTS, s.frequency_hz, s.left)
+        below.append(Panel(x=x, y=rest, layers=(left,), level=0.0, height=0.45))
+    count = how_many(len(maps.spectra), "sweep")
+    marked = f" Maxima of the fitted curve are marked: {'; '.join(stated)}." if stated else ""
     return Figure(
         name=maps.name,
         title="Response at each setting",
         caption=(
             f"{maps.what} of {count}: measured points, the fitted model as a curve, and the "
-            "difference (simulated − measured) below."
-            + (f" Maxima of the fitted curve are marked: {stated}." if stated else "")
+            f"difference (simulated − measured) below.{marked}"
         ),
         alt=f"Lines of {count}: measured points on the fitted curve, and residuals.",
-        rows=(
-            tuple(_line(maps, s, curve, peaks) for s, curve, peaks in result),
-            tuple(_left(maps, s) for s in maps.spectra),
-        ),
+        rows=(tuple(above), tuple(below)),
         series=maps.series,
     )
-
-
-def _smooth(s: MappedSpectrum) -> tuple[FloatArray, FloatArray]:
-    """The fitted curve between the points as well, by a cubic spline: frequencies and values."""
-    between = np.linspace(s.frequency_hz[0], s.frequency_hz[-1], FINE)
-    f = np.unique(np.concatenate([s.frequency_hz, between]))
-    return f, np.asarray(CubicSpline(s.frequency_hz, s.fitted)(f))
-
-
-def _maxima(curve: tuple[FloatArray, FloatArray]) -> FloatArray:
-    f, a = curve
-    return np.asarray(f[1:-1][(a[1:-1] > a[:-2]) & (a[1:-1] >= a[2:])])
-
-
-def _line(
-    maps: ControlMaps,
-    s: MappedSpectrum,
-    curve: tuple[FloatArray, FloatArray],
-    peaks: FloatArray,
-) -> Panel:
-    measured = Layer(Role.MEASURED, Form.POINTS, s.frequency_hz, s.measured, label="measured")
-    fitted = Layer(Role.SIMULATED, Form.CURVE, *curve, label="fitted")
-    return Panel(
-        x=Axis("frequency", "Hz"),
-        y=maps.amplitude,
-        layers=(measured, fitted),
-        title=s.label,
-        notes=(_apart(peaks),) if peaks.size > 1 else (),
-        marked=tuple(map(float, peaks)) if peaks.size > 1 else (),
-    )
-
-
-def _left(maps: ControlMaps, s: MappedSpectrum) -> Panel:
-    left = Layer(Role.MEASURED, Form.POINTS, s.frequency_hz, s.left)
-    most = 1.15 * float(maps.rest.high or 1.0)
-    rest = Axis("difference", maps.rest.unit, low=-most, high=most)
-    return Panel(x=Axis("frequency", "Hz"), y=rest, layers=(left,), level=0.0, height=0.45)
-
-
-def _apart(peaks: FloatArray) -> str:
-    """How far the outermost maxima are apart, in words."""
-    return f"{hertz(float(np.ptp(peaks)), digits=3)} apart"

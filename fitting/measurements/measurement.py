@@ -129,11 +129,6 @@ class Measurement:
         return least_noise(self.sigma, self.measured_rows)
 
     @property
-    def settles(self) -> bool:
-        """Whether the FMU has settled when it is compared."""
-        return True
-
-    @property
     def is_curve(self) -> bool:
         """Whether its rows are points of one curve, whose residuals may be correlated."""
         return False
@@ -145,7 +140,7 @@ class Measurement:
 
     @property
     def is_trace(self) -> bool:
-        """Whether its rows are samples over time: many, and of like noise."""
+        """Whether its rows are samples over time, with which the runs of the FMU begin."""
         return False
 
     @property
@@ -357,16 +352,16 @@ class Measurement:
         """
         return np.empty(0)
 
-    @staticmethod
-    def _leaves_most(deviations: FloatArray, residuals: FloatArray) -> bool:
-        """Whether less than half of the variance of a curve, rows about its mean, is explained."""
-        spread, left = float(deviations @ deviations), float(residuals @ residuals)
-        return left > VARIANCE_LEFT * spread and left > SMALLEST_MISFIT**2 * residuals.size
+    def _misses_curve(self, deviations: FloatArray, residuals: FloatArray) -> bool:
+        """Whether less than half of the variance of a curve, rows about its mean, is explained.
 
-    def _leaves_noise(self, residuals: FloatArray, sigma: FloatArray) -> bool:
-        """Whether a response takes all but noise of the rows of a curve."""
-        unknowns = self.solved_inside + SHAPE
-        return leaves_noise(self.rows_without_response, residuals, sigma, unknowns)
+        One with so much noise that it is most of its variance may be followed nevertheless.
+        """
+        spread, left = float(deviations @ deviations), float(residuals @ residuals)
+        if not (left > VARIANCE_LEFT * spread and left > SMALLEST_MISFIT**2 * residuals.size):
+            return False
+        shape, unknowns = self.rows_without_response, self.solved_inside + SHAPE
+        return not (shape.size and leaves_noise(shape, residuals, self.sigma, unknowns))
 
     def unexplained(self, residuals: FloatArray) -> str:
         """Why rows (rows,) do not follow the data at all; empty where they do.

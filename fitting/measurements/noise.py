@@ -29,7 +29,17 @@ from scipy.special import digamma, gammaincinv, polygamma
 
 from fitting.campaign import Setup
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Role, compared, residual_points
+from fitting.measurements.figure import (
+    DRAWN,
+    Axis,
+    Figure,
+    Form,
+    Layer,
+    Role,
+    compared,
+    record_figure,
+    residual_points,
+)
 from fitting.measurements.gain import Solved
 from fitting.measurements.measurement import Estimated, Predicting, Prediction, Values
 from fitting.measurements.records import Curve, CurvesTogether, OfSetup, Record
@@ -372,8 +382,10 @@ def best_levels(
     levels = np.array([1.0 if known is None else known / sizes[0], low if floor else 0.0])
     free = np.array([known is None, floor])
     for _ in range(STEPS):
-        step = _step(columns, density, levels, free)
-        moved = _downhill(columns, density, levels, step)
+        step, before = _step(columns, density, levels, free), _loss(columns, density, levels)
+        halved = (np.maximum(levels + 0.5**k * step, 0.0) for k in range(HALVINGS))
+        downhill = (each for each in halved if _loss(columns, density, each) <= before)
+        moved = next(downhill, levels)
         done = bool(np.all(np.abs(moved - levels) <= SETTLED * np.max(levels)))
         levels = moved
         if done:
@@ -407,33 +419,17 @@ def _step(
     return np.asarray(np.where(moving, -np.sign(slope) * 0.1 * np.max(levels), 0.0))
 
 
-def _downhill(
-    columns: FloatArray, density: FloatArray, levels: FloatArray, step: FloatArray
-) -> FloatArray:
-    before = _loss(columns, density, levels)
-    for k in range(HALVINGS):
-        moved = np.maximum(levels + 0.5**k * step, 0.0)
-        if _loss(columns, density, moved) <= before:
-            return np.asarray(moved)
-    return levels
-
-
 #: Share of the points that the band about the model holds.
 INSIDE = 0.95
-#: Points that are drawn of a layer, at most.
-DRAWN = 4000
 
 
-def noise_figure(
-    spectrum: NoiseRecord, before: FloatArray, after: FloatArray, series: str = ""
-) -> Figure:
+def noise_figure(spectrum: NoiseRecord, before: FloatArray, after: FloatArray) -> Figure:
     """A spectrum with the model and the band that holds 95 % of the points; signed deviances below.
 
     Args:
         spectrum: as measured.
         before: as simulated with the start parameters, (n,), in the spectrum's unit.
         after: with the fitted ones.
-        series: name of the series.
     """
     every = slice(None, None, -(-spectrum.seen_hz.size // DRAWN))
     u, x = spectrum.seen_hz[every], Axis("frequency", "Hz")
@@ -450,26 +446,22 @@ def noise_figure(
     rows = spectrum.residuals(after)
     rest = residual_points((x, Axis("signed root of deviance")), u, [("", rows[every])])
     share = float(np.mean((spectrum.y >= low * after) & (spectrum.y <= high * after)))
-    stated = f" {spectrum.label}" if spectrum.label else ""
     inside = f"{number(100.0 * share, 3)} % of the points lie within the band"
-    return Figure(
-        name=f"noise{f'_{spectrum.label}' if spectrum.label else ''}".replace("/", "_"),
-        title=f"Noise spectrum{stated}: measured and simulated",
+    averages = f"{number(spectrum.count, 4)} averages"
+    if spectrum.averages is None:
+        averages = f"about {number(spectrum.count, 2)} averages, by their scatter,"
+    return record_figure(
+        "noise",
+        "Noise spectrum",
+        spectrum.label,
         caption=(
-            f"{spectrum.seen_hz.size} points of {_averages(spectrum)} with the "
+            f"{spectrum.seen_hz.size} points of {averages} with the "
             f"model before and after the fit; {inside} that holds "
             "95 % of them if the model is right. Below: the signed roots of their deviances."
         ),
         alt=f"A noise spectrum of {spectrum.seen_hz.size} points with the fitted model; {inside}.",
-        rows=((shown,), (rest,)),
-        series=series,
+        panels=(shown, rest),
     )
-
-
-def _averages(spectrum: NoiseRecord) -> str:
-    if spectrum.averages is None:
-        return f"about {number(spectrum.count, 2)} averages, by their scatter,"
-    return f"{number(spectrum.averages, 4)} averages"
 
 
 #: Deviance of a point beyond which a spectrum is not followed at all, if a constant does as well.
@@ -620,11 +612,6 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
             return "the simulated spectrum does not follow the measured one"
         return ""
 
-    def figure_of(
-        self,
-        record: NoiseRecord,
-        before: Values,
-        after: Values,
-    ) -> Figure:
+    def figure_of(self, record: NoiseRecord, before: Values, after: Values) -> Figure:
         """A spectrum with the model, the band of its likelihood, and the signed deviances."""
-        return noise_figure(record, before.real, after.real, self.series)
+        return noise_figure(record, before.real, after.real)

@@ -20,7 +20,7 @@ from fitting.measurements.noise import (
     NoiseRecord,
     NoiseSpectra,
 )
-from fitting.measurements.records import RecordTable
+from fitting.measurements.records import ReadColumn, RecordTable
 from fitting.text.errors import BadInput
 from fitting.text.schema import (
     FileName,
@@ -33,7 +33,7 @@ from fitting.text.schema import (
     Text,
     Value,
 )
-from fitting.text.units import above_zero, convert, same_kind
+from fitting.text.units import above_zero, same_kind
 
 #: What a campaign may state of the resonator: by key the field of a record, and its unit.
 STATED = {
@@ -118,9 +118,7 @@ class NoiseSpectrumTable(RecordTable):
         table = read_recording(self.file, selection=given)
         frequency = self._column(table, names.frequency, "frequency")
         density = self._column(table, names.density, "density")
-        hertz = unit_of(table, frequency, "frequency (Hz)")
-        where = f"{self.file}: column '{frequency.name}'"
-        to_hz = convert(1.0, hertz, "Hz", where=where)
+        f = ReadColumn.of(table, frequency, "frequency (Hz)").into("Hz")
         read = self._density(table, density)
         force = None
         if self.force == COLOURED:
@@ -128,7 +126,7 @@ class NoiseSpectrumTable(RecordTable):
         elif names.force:
             raise BadInput(f'{self.file}: columns.force has a meaning with force = "{COLOURED}"')
         return NoiseRecord(
-            to_hz * table.numbers(frequency),
+            f.values,
             read.numbers,
             averages=self.averages,
             force=self.force,

@@ -312,10 +312,7 @@ class Plan:
             curve: how a response over frequency is simulated.
         """
         curves = (*self.curves, curve)
-        if self.budget is None:
-            return replace(self, curves=curves)
-        others = tuple(d for d in self.budget.decisions if d.kind != Kind.CURVE)
-        budget = Budget(self.budget.wanted, (*others, curve_decision(curves)))
+        budget = self.budget and self.budget.with_instead(curve_decision(curves))
         return replace(self, curves=curves, budget=budget)
 
     def with_decision(self, decision: Decision) -> Plan:
@@ -343,10 +340,7 @@ class Plan:
             result: for the trace.
         """
         steps = (*(plan for plan in self.steps if plan.label != result.label), result)
-        if self.budget is None:
-            return replace(self, steps=steps)
-        others = tuple(d for d in self.budget.decisions if d.kind != Kind.STEP)
-        budget = Budget(self.budget.wanted, (*others, step_decision(steps)))
+        budget = self.budget and self.budget.with_instead(step_decision(steps))
         return replace(self, steps=steps, budget=budget)
 
     def runs_as(self, other: Plan) -> bool:

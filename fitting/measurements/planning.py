@@ -97,43 +97,33 @@ def plan_series(series: Series) -> Plan:
         BadInput: no way to know how long the FMU takes to settle, or tones that cannot be told
             apart.
     """
-    if not any(m.settles for m in series.measurements):
+    if all(m.is_trace for m in series.measurements):
         return _planned(series, Plan(0.0, budget=series.goal))
     if series.setup.drive.kind == "none":
         raise BadInput(
             f"{series.setup.source}: [drive] names neither frequencies nor an input; wanted what "
             "drives the FMU"
         )
-    settle_s, decision = _settling(series)
-    return _planned(series, Plan(settle_s, budget=series.goal.with_decision(decision)))
+    basis, left, numbers = Basis.DECLARED, 0.0, {"settle_s": 0.0}
+    if not series.setup.steady_start:
+        width = series.line_width_hz
+        if width is None:
+            raise BadInput(
+                f"{series.setup.source}: [observe] states neither steady_start = true nor a "
+                "line_width; wanted one of them, or a sweep, to know how long the FMU takes to "
+                "settle"
+            )
+        basis, left = Basis.LINE_WIDTH, TRANSIENT * series.accuracy
+        numbers = {"settle_s": settling_s(width, left), "width_hz": width}
+    decision = Decision(kind=Kind.SETTLING, basis=basis, bound=left, numbers=numbers)
+    draft = Plan(numbers["settle_s"], budget=series.goal.with_decision(decision))
+    return _planned(series, draft)
 
 
 def _planned(series: Series, plan: Plan) -> Plan:
     for measurement in series.measurements:
         plan = measurement.planned(plan)
     return plan
-
-
-def _settling(series: Series) -> tuple[float, Decision]:
-    if series.setup.steady_start:
-        return 0.0, Decision(
-            kind=Kind.SETTLING, basis=Basis.DECLARED, bound=0.0, numbers={"settle_s": 0.0}
-        )
-    width = series.line_width_hz
-    if width is None:
-        raise BadInput(
-            f"{series.setup.source}: [observe] states neither steady_start = true nor a "
-            f"line_width; "
-            "wanted one of them, or a sweep, to know how long the FMU takes to settle"
-        )
-    left = TRANSIENT * series.accuracy
-    settle = settling_s(width, left)
-    return settle, Decision(
-        kind=Kind.SETTLING,
-        basis=Basis.LINE_WIDTH,
-        bound=left,
-        numbers={"settle_s": settle, "width_hz": width},
-    )
 
 
 def settling_s(line_width_hz: float, accuracy: float) -> float:
@@ -194,7 +184,7 @@ def measured_plan(
         fixed_step=series.fixed_step,
         exchange=series.exchange,
     )
-    ends = _drives_at(series, model, axis_ends(series.parameters))
+    ends = [_drives_at(series, model, point) for point in axis_ends(series.parameters)]
 
     def planned(known: Knowledge) -> Plan:
         options = PlanOptions(examples=True, usual=setup.usual_accuracy)
@@ -202,10 +192,10 @@ def measured_plan(
         while lost := _lost(result, ends, workers, known):
             known = _without(known, lost)
             result = plan_drives(drives, series.accuracy, workers, known, options)
-        settle_s = _settle_s(series, result, draft)
+        settle_s, budget = _with_settling(series, result, draft)
         measured = Plan(
             settle_s=settle_s,
-            budget=_with_settling(series, result, settle_s),
+            budget=budget,
             order=result.order,
             settings=result.settings,
             grid=result.drives[0].grid,
@@ -289,34 +279,28 @@ def _applicable(series: Series, annotation: AccuracyAnnotation) -> AccuracyAnnot
     )
 
 
-def _settle_s(series: Series, result: DrivePlan, draft: Plan) -> float:
-    if series.setup.steady_start or result.settle_s == 0.0:
-        return result.settle_s
-    stated = draft.settle_s if series.line_width_hz is not None else 0.0
-    return max(stated, LESS_DAMPING * result.settle_s)
+def _with_settling(series: Series, result: DrivePlan, draft: Plan) -> tuple[float, Budget]:
+    """The time to settle, which is longer than what was measured, and the budget with it.
 
-
-def _with_settling(series: Series, result: DrivePlan, settle_s: float) -> Budget:
-    """The budget with the settling that is planned, which is longer than what was measured.
-
-    What was wanted, and why, is said first, unless it is what the FMU can give.
-
-    The windows are those of the campaign's experiments, which are decided on by themselves.
+    What was wanted, and why, is said first, unless it is what the FMU can give. The windows are
+    those of the campaign's experiments, which are decided on by themselves.
     """
-    kept = (d for d in result.budget.decisions if d.kind != Kind.WINDOW)
-    decisions = tuple(_longer(d, settle_s) for d in kept)
+    settle_s = result.settle_s
+    if not series.setup.steady_start and settle_s != 0.0:
+        stated_s = draft.settle_s if series.line_width_hz is not None else 0.0
+        settle_s = max(stated_s, LESS_DAMPING * settle_s)
+    decisions = []
+    for decision in result.budget.decisions:
+        seen_s = decision.numbers.get("settle_s")
+        if decision.kind == Kind.SETTLING and seen_s is not None and seen_s != settle_s:
+            unsteady = decision.basis == Basis.UNSTEADY
+            basis = Basis.UNSTEADY if unsteady else Basis.LESS_DAMPING
+            numbers = {"settle_s": settle_s, "seen_s": seen_s}
+            decision = replace(decision, basis=basis, numbers=numbers)
+        decisions += [] if decision.kind == Kind.WINDOW else [decision]
     is_goal = result.budget.wanted == series.accuracy
     why = series.goal.decisions if is_goal else ()
-    return Budget(result.budget.wanted, (*why, *decisions))
-
-
-def _longer(decision: Decision, settle_s: float) -> Decision:
-    seen_s = decision.numbers.get("settle_s")
-    if decision.kind != Kind.SETTLING or seen_s is None or seen_s == settle_s:
-        return decision
-    basis = Basis.UNSTEADY if decision.basis == Basis.UNSTEADY else Basis.LESS_DAMPING
-    numbers = {"settle_s": settle_s, "seen_s": seen_s}
-    return replace(decision, basis=basis, numbers=numbers)
+    return settle_s, Budget(result.budget.wanted, (*why, *decisions))
 
 
 def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive, ...]:
@@ -328,8 +312,7 @@ def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive
         points += list(rng.uniform(*bounds(parameters), (SEEDED, len(parameters))))
     drives: list[Drive] = []
     for k, point in enumerate(points):
-        each = (m.drives(model, point) for m in series.measurements)
-        these = next((result for result in each if result), [])
+        these = _drives_at(series, model, point)
         if k > 0 and not _runs(these, workers):
             continue  # the FMU may refuse a part of the box
         drives += these
@@ -337,12 +320,10 @@ def _drives(series: Series, model: DrivenModel, workers: Workers) -> tuple[Drive
     return tuple(replace(drive, phases=phases) for drive in drives)
 
 
-def _drives_at(
-    series: Series, model: DrivenModel, points: Sequence[FloatArray]
-) -> list[list[Drive]]:
-    """Drives of the first measurement that has any, at every point."""
-    each = ([m.drives(model, point) for m in series.measurements] for point in points)
-    return [next((drives for drives in these if drives), []) for these in each]
+def _drives_at(series: Series, model: DrivenModel, point: FloatArray) -> list[Drive]:
+    """Drives at a point of the first measurement that has any."""
+    each = (m.drives(model, point) for m in series.measurements)
+    return next((drives for drives in each if drives), [])
 
 
 def _lost(

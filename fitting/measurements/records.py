@@ -18,6 +18,7 @@ import numpy as np
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.drift import bind_sigmas
+from fitting.campaign.instruments import Channel, Recording, unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.parameters import Parameter
 from fitting.fmu.description import READABLE
@@ -33,6 +34,7 @@ from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 from fitting.text.errors import BadInput, gathered
 from fitting.text.finding import Finding
 from fitting.text.schema import FileName, Text, Value
+from fitting.text.units import convert
 
 
 class Measured:
@@ -44,6 +46,8 @@ class Measured:
     label: str
     settings: Mapping[str, Scalar]
     y: Values
+    sigma: Any
+    largest: Any
     #: The FMU's output that is observed; empty: the setup's.
     output: str = ""
     #: Which points of the file are not here, and why.
@@ -64,7 +68,7 @@ class Measured:
     @property
     def row_sigma(self) -> float:
         """Standard deviation of its rows; zero where unknown."""
-        raise NotImplementedError
+        return float(self.sigma / self.largest)
 
     @property
     def estimated_noise(self) -> float:
@@ -290,16 +294,14 @@ class Together(Measurement, Generic[R]):
         level: list[Any] = [x.y - np.mean(x.y) for x in self.records]  # real or complex
         pairs = zip(self.records, level, strict=True)
         flat = np.concatenate([record.rows_of(values) for record, values in pairs])
-        if not self._leaves_most(flat, residuals):
-            return ""
-        if self.rows_without_response.size and self._leaves_noise(residuals, self.sigma):
-            return ""
-        return f"the simulated {self.NOUN} does not follow the measured one"
+        missed = self._misses_curve(flat, residuals)
+        return f"the simulated {self.NOUN} does not follow the measured one" if missed else ""
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """Every record with the model, and its residuals."""
         trios = zip(self.records, self.split(before), self.split(after), strict=True)
-        return tuple(self.figure_of(record, b, a) for record, b, a in trios)
+        each = (self.figure_of(record, b, a) for record, b, a in trios)
+        return tuple(replace(figure, series=self.series) for figure in each)
 
     def figure_of(self, record: R, before: Values, after: Values) -> Figure:
         """A record with the model, and its residuals.
@@ -344,12 +346,10 @@ class CurvesTogether(Together[C]):
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """Those of the first, the largest and the last point of the `ends`."""
         result = []
-        for curve in self.ends:
-            u, output = curve.u_hz, self.output_of(curve)
-            top_hz = u[int(np.argmin(np.abs(u - curve.top_hz)))]
-            for tone in dict.fromkeys(map(float, (u[0], top_hz, u[-1]))):
-                values = model.single_tone_values(p, curve.settings, tone, curve.label or None)
-                result.append(model.drive(values, (tone,), output))
+        for record in self.ends:
+            u = record.u_hz
+            top_hz = u[int(np.argmin(np.abs(u - record.top_hz)))]
+            result += self.curve(model, record).drives(p, (u[0], top_hz, u[-1]))
         return result
 
     def curve(self, model: DrivenModel, record: C) -> ResponseCurve:
@@ -396,11 +396,8 @@ class CurvesTogether(Together[C]):
             p: parameters (n,), each in its own unit.
             batch: where runs are asked for.
         """
-        window = model.single_tone_window(float(record.u_hz[0]))
-        [tone] = window.tones_hz
-        values = model.single_tone_values(p, record.settings, tone, record.label or None)
-        output, signal = self.output_of(record), model.signal(window, (tone,))
-        return Sampled(batch.ask(values, window, signal, output), window, output)
+        [(run, window)] = self.curve(model, record).ask(p, record.u_hz[:1], batch)
+        return Sampled(run, window, self.output_of(record))
 
     def first_drive(self, *, driven: bool) -> Self:
         """Its first record, which begins with its first point."""
@@ -437,6 +434,43 @@ class SweepsTogether(CurvesTogether[C]):
 
 
 Made = TypeVar("Made")
+
+
+@dataclass(frozen=True, eq=False)
+class ReadColumn:
+    """Values (n,) of a column in its unit; ``where`` opens complaints about it."""
+
+    values: FloatArray
+    unit: str
+    where: str
+
+    @classmethod
+    def of(cls, recording: Recording, column: Channel, example: str) -> ReadColumn:
+        """A column of a recording.
+
+        Args:
+            recording: that has it.
+            column: with its unit.
+            example: of a name with a unit, for errors.
+
+        Raises:
+            BadInput: no unit, or a cell that is no number.
+        """
+        where = f"{recording.path}: column '{column.name}'"
+        return cls(recording.numbers(column), unit_of(recording, column, example), where)
+
+    def into(self, unit: str | None) -> ReadColumn:
+        """The column in another unit.
+
+        Args:
+            unit: wanted; None: SI base units.
+        """
+        if unit == self.unit or not self.unit:
+            return self
+        zero, one = (convert(x, self.unit, unit, where=self.where) for x in (0.0, 1.0))
+        if zero != 0.0:  # a temperature
+            return ReadColumn(zero + (one - zero) * self.values, unit or "", self.where)
+        return ReadColumn(one * self.values, unit or "", self.where)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,7 @@ from fitting.signal.rational import Interpolation
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch, Variation, Workers
 from fitting.simulate.budget import Basis
+from fitting.simulate.drive import Drive
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
@@ -110,6 +111,19 @@ class ResponseCurve:
         """
         tones = self._tones(map(self._window, tones_hz[:, np.newaxis]), part)
         return self._asked(self._start_values(p, part), tones, batch, owner)
+
+    def drives(self, p: FloatArray, tones_hz: Iterable[float]) -> list[Drive]:
+        """Drives by single tones, each once, by which a plan is measured.
+
+        Args:
+            p: parameters (n,), each in its own unit.
+            tones_hz: frequencies of the tones (m,), Hz.
+        """
+        values = self._start_values(p)
+        return [
+            self.model.drive(values | self.model.tone_values((tone,)), (tone,), self.place.output)
+            for tone in dict.fromkeys(map(float, tones_hz))
+        ]
 
     def windows(self, planned: CurvePlan) -> list[Window]:
         """Settling and samples of the runs of a plan at the full drive, by its `groups`.

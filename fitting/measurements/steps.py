@@ -202,43 +202,26 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
         plans: one for each trace.
     """
     worst = max(plans, key=lambda plan: plan.bound)
-    return Decision(
-        kind=Kind.STEP,
-        basis=Basis.HALVED,
-        bound=worst.bound,
-        numbers={
-            "step_s": min(plan.step_s for plan in plans),
-            "longest_s": max(plan.step_s for plan in plans),
-            "per_sample": max(plan.per_sample for plan in plans),
-            "change": worst.change,
-            "runs": sum(plan.runs for plan in plans),
-            "own_s": max(plan.own_s for plan in plans),
-            **_extrapolated(plans),
-            **_stands(plans),
-            **_few(plans),
-        },
-    )
-
-
-def _stands(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
-    """The longest step between whose ends the FMU was seen to stand still."""
-    longest = max(plan.stands_s for plan in plans)
-    if not longest:
-        return {}
-    shifted = {"shifted": True} if any(plan.shifted for plan in plans) else {}
-    return {"stands_s": longest, **shifted}
-
-
-def _extrapolated(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
-    """How many traces are extrapolated."""
-    count = sum(plan.extrapolated for plan in plans)
-    return {"extrapolated": count} if count else {}
-
-
-def _few(plans: Sequence[StepPlan]) -> dict[str, Scalar]:
-    """Of how many samples decays are simulated, the most, and how many follow."""
-    most = max((p.few for p in plans if p.few), key=lambda few: few.samples, default=None)
-    return {} if most is None else {"few": most.indices.size, "of": most.samples}
+    numbers: dict[str, Scalar] = {
+        "step_s": min(plan.step_s for plan in plans),
+        "longest_s": max(plan.step_s for plan in plans),
+        "per_sample": max(plan.per_sample for plan in plans),
+        "change": worst.change,
+        "runs": sum(plan.runs for plan in plans),
+        "own_s": max(plan.own_s for plan in plans),
+    }
+    if pairs := sum(plan.extrapolated for plan in plans):
+        numbers["extrapolated"] = pairs
+    # the longest step between whose ends the FMU was seen to stand still
+    if stands_s := max(plan.stands_s for plan in plans):
+        numbers["stands_s"] = stands_s
+        if any(plan.shifted for plan in plans):
+            numbers["shifted"] = True
+    # of how many samples decays are simulated, the most, and how many follow
+    if all_few := [plan.few for plan in plans if plan.few]:
+        few = max(all_few, key=lambda few: few.samples)
+        numbers |= {"few": few.indices.size, "of": few.samples}
+    return Decision(kind=Kind.STEP, basis=Basis.HALVED, bound=worst.bound, numbers=numbers)
 
 
 def _change(coarse: FloatArray, fine: FloatArray) -> float:

@@ -48,7 +48,7 @@ from fitting.signal.scale import (
     refine_maximum,
 )
 from fitting.simulate.batch import Batch, Workers, both
-from fitting.simulate.budget import SHARES, Basis, Budget, Decision, Kind
+from fitting.simulate.budget import SHARES, Basis, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.settling import SAFETY
 from fitting.text.arrays import FloatArray, Scalar
@@ -233,16 +233,9 @@ class Sweep(Measurement):
 
     def drives(self, model: DrivenModel, p: FloatArray) -> list[Drive]:
         """Those of the first, the largest and the last point."""
-        top = self.frequency_hz[int(np.argmax(self.amplitude_v))]
-        tones = dict.fromkeys((self.frequency_hz[0], top, self.frequency_hz[-1]))
-        return [
-            model.drive(
-                model.single_tone_values(p, self.settings, tone, self.label or None),
-                (tone,),
-                self.setup.output,
-            )
-            for tone in map(float, tones)
-        ]
+        top_hz = self.frequency_hz[int(np.argmax(self.amplitude_v))]
+        tones = (self.frequency_hz[0], top_hz, self.frequency_hz[-1])
+        return self._curve(model).drives(p, tones)
 
     def planned(self, plan: Plan) -> Plan:
         """The plan with the points about the maximum, where that sets the scale."""
@@ -286,9 +279,8 @@ class Sweep(Measurement):
         1/A^2 is a quartic through the five points at every p; its third derivative over its second,
         times a safety factor, bounds what a parabola through three points may be off by.
         """
-        plan = model.plan
-        bias = plan.maximum_bias
-        if len(plan.nodes_hz) != FINE_POINTS or bias is None:
+        plan, budget, bias = model.plan, model.plan.budget, model.plan.maximum_bias
+        if len(plan.nodes_hz) != FINE_POINTS or bias is None or budget is None:
             return plan
         nodes, curve = np.array(plan.nodes_hz), self._curve(model)
         result = [bend_of(nodes, np.abs(curve.simulated(p, nodes, workers))) for p in points]
@@ -297,10 +289,29 @@ class Sweep(Measurement):
             return plan
         for part in SPACINGS:
             three = nodes[2] + part * (nodes[3] - nodes[2]) * np.array([-1.0, 0.0, 1.0])
-            tops = [_top(three, nodes[2], c, bend) for _, c in result]
+            tops = []
+            for _, quartic in result:
+                y = np.polynomial.Polynomial(quartic)(three - nodes[2])
+                amplitudes = 1.0 / np.sqrt(np.maximum(y, np.finfo(float).tiny))
+                tops.append(refine_maximum(three, amplitudes, bend))
             if all(top.bracketed and top.bias <= 0.5 * bias for top in tops):
-                return _with_three(plan, three, bend)
-        return plan
+                break
+        else:
+            return plan
+        [before] = budget.of(Kind.MAXIMUM)
+        numbers = {
+            "points": three.size,
+            "spacing_hz": float(three[1] - three[0]),
+            "centre_hz": float(three[1]),
+            "bend": bend,
+            "safety": SAFETY,
+        }
+        return replace(
+            plan,
+            nodes_hz=tuple(map(float, three)),
+            maximum_bend=bend,
+            budget=budget.with_instead(replace(before, numbers=numbers)),
+        )
 
     def predict(
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
@@ -440,15 +451,18 @@ class Sweep(Measurement):
         if not residuals.size:
             return ""
         shape = self.amplitude_v / self.maximum_v
-        far = self._leaves_most(shape - np.mean(shape), residuals)
-        if far and not self._leaves_noise(residuals, self.sigma):
-            return "the simulated sweep does not follow the measured one"
-        return ""
+        missed = self._misses_curve(shape - np.mean(shape), residuals)
+        return "the simulated sweep does not follow the measured one" if missed else ""
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """The frequency response, and what is left between measured and simulated points."""
-        result = self._line()
-        resonance = result if isinstance(result, LineFit) else None
+        resonance, failure = None, ""
+        try:  # one damped mode, without the FMU
+            resonance = fit_resonance(
+                self.frequency_hz, self.amplitude_v, background=self.background, source=""
+            )
+        except BadInput as error:
+            failure = str(error).removeprefix(":").strip().rstrip(".")
         curves = ShownResponse(
             frequency_hz=self.frequency_hz,
             measured=self.amplitude_v,
@@ -460,7 +474,7 @@ class Sweep(Measurement):
         nearby = {OFFSET: " with a constant background", SLOPE: " with a sloped background"}
         role += f"{nearby[self.added]}, which is solved for" if self.solved_inside else ""
         if resonance is None:
-            line = f"One damped mode could not be fitted to it: {result}"
+            line = f"One damped mode could not be fitted to it: {failure}."
         else:
             line = (
                 "The fit of one damped mode to the laboratory points gives "
@@ -485,14 +499,6 @@ class Sweep(Measurement):
             series=self.series,
         )
         return (figure,)
-
-    def _line(self) -> LineFit | str:
-        """One damped mode that is fitted to it without the FMU, or why that fails."""
-        f, a = self.frequency_hz, self.amplitude_v
-        try:
-            return fit_resonance(f, a, background=self.background, source="")
-        except BadInput as error:
-            return f"{str(error).removeprefix(':').strip().rstrip('.')}."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -581,33 +587,6 @@ def resonance_words(resonance: LineFit) -> list[str]:
 
 def _real(prediction: Prediction) -> FloatArray:
     return np.asarray(prediction.values, dtype=float)
-
-
-def _top(three: FloatArray, centre: float, quartic: FloatArray, bend: float) -> Maximum:
-    y = np.polynomial.Polynomial(quartic)(three - centre)
-    return refine_maximum(three, 1.0 / np.sqrt(np.maximum(y, np.finfo(float).tiny)), bend)
-
-
-def _with_three(plan: Plan, three: FloatArray, bend: float) -> Plan:
-    """The plan with these sweep points, and the decision with them."""
-    if plan.budget is None or plan.maximum_bias is None:
-        return plan
-    (before,) = plan.budget.of(Kind.MAXIMUM)
-    numbers = {
-        "points": three.size,
-        "spacing_hz": float(three[1] - three[0]),
-        "centre_hz": float(three[1]),
-        "bend": bend,
-        "safety": SAFETY,
-    }
-    decision = replace(before, numbers=numbers)
-    others = [d for d in plan.budget.decisions if d.kind != Kind.MAXIMUM]
-    return replace(
-        plan,
-        nodes_hz=tuple(map(float, three)),
-        maximum_bend=bend,
-        budget=Budget(plan.budget.wanted, (*others, decision)),
-    )
 
 
 def sweep_of(bound: BoundCampaign, data: SweepData, series: str = "") -> Sweep:

@@ -55,12 +55,13 @@ class TimeRecord(Record):
     y: FloatArray | ComplexArray = field(init=False)
     spacing_s: float = field(init=False)
 
-    #: Whether values may be complex.
-    is_complex = False
+    #: Whether values are those of a demodulator, amplitudes or phasors: then a step of a run may be
+    #: many periods, and what it may not be is found by halving it.
+    is_demodulated = False
 
     def __post_init__(self) -> None:
         t = as_numbers(self.time_s, f"{self.source}: times")
-        read = as_values if self.is_complex else as_numbers
+        read = as_values if self.is_demodulated else as_numbers
         y = read(self.values, f"{self.source}: values")
         if t.shape != y.shape:
             raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
@@ -106,9 +107,11 @@ class TimeRecord(Record):
         """Complain of too few samples."""
 
     @property
-    def has_own_steps(self) -> bool:
-        """Whether its runs begin with the step that the FMU was made for."""
-        return True
+    def first_words(self) -> str:
+        """Where it begins, in words."""
+        if self.begin == FIRST:
+            return "the first sample"
+        return f"{self.t[0]:.6g} s, where the free decay was found to begin"
 
     @property
     def has_unknown_start(self) -> bool:

@@ -382,7 +382,17 @@ def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
     if any(np.any(np.nan_to_num(f, nan=0.0) > 0.0) for f in floors):
         stated.append("the floor of the spectra, or the columns given")
     if noise.relative == 0.0:
-        scatter, freedom = repeat_scatter(_repeats(bound), peaks, floors)
+        # what distinguishes experiments: settings, output, lines, and values that are theirs alone
+        repeats: list[object] = [
+            (
+                frozenset(e.settings.items()),
+                e.output,
+                e.read_hz,
+                tuple(p.name for p in bound.parameters if e.label in p.experiments),
+            )
+            for e in bound.experiments
+        ]
+        scatter, freedom = repeat_scatter(repeats, peaks, floors)
         if freedom >= ENOUGH_REPEATS and scatter > 0.0:
             noise = Noise(relative=scatter, absolute_v=noise.absolute_v)
             stated.append(f"{100 * scatter:.3g} % from repeats ({freedom_words(freedom)})")
@@ -398,18 +408,6 @@ def peak_sigmas(bound: BoundCampaign) -> tuple[FloatArray, str]:
         "residuals."
     )
     return np.concatenate(sigmas), sentence
-
-
-def _repeats(bound: BoundCampaign) -> list[object]:
-    """What tells experiments apart: settings, output, lines, and values that are theirs alone."""
-    own = {
-        e.label: tuple(p.name for p in bound.parameters if e.label in p.experiments)
-        for e in bound.experiments
-    }
-    return [
-        (frozenset(e.settings.items()), e.output, e.read_hz, own[e.label])
-        for e in bound.experiments
-    ]
 
 
 class ComplexTones(Tones):

@@ -10,7 +10,7 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Generic, NamedTuple, TypeVar
+from typing import ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -97,6 +97,11 @@ class Survey(Generic[T]):
     workers: Workers
     batch: Batch = field(default_factory=Batch)
 
+    @property
+    def output(self) -> str:
+        """The FMU's output that the trace shows."""
+        return self.kind.output_of(self.trace)
+
     def planned(self, points: Sequence[FloatArray]) -> Plan:
         """The model's plan with the communication step of the trace.
 
@@ -107,15 +112,9 @@ class Survey(Generic[T]):
             BadInput: an unknown start of an FMU that is not linear.
         """
         plan, trace = self.model.plan, self.trace
-        own_s = self.model.own_step_s if trace.has_own_steps else None
+        own_s = None if trace.is_demodulated else self.model.own_step_s
         count, misfit_s = first_steps(trace.run_step_s, own_s)
-        first = StepPlan(
-            label=self.kind.key(trace),
-            spacing_s=trace.run_step_s,
-            per_sample=count,
-            bound=0.0,
-            own_s=misfit_s,
-        )
+        first = replace(self._plan(count), own_s=misfit_s)
         self._refuse_nonlinear(points[0], count)
         kept = self._that_run(points, count)
         left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
@@ -208,8 +207,8 @@ class Survey(Generic[T]):
         look = trace.look(fine)
         if look is None:
             return steps
-        values = self.model.whole.values(points[0], trace.label or None, trace.settings)
-        output = self.kind.output_of(trace)
+        values = self.kind.start_values(self.model, trace, points[0])
+        output = self.output
         requested = [
             batch.ask(values, look.closer, look.held_signal, output),
             batch.ask(values, look.window, look.signal, output),
@@ -229,7 +228,11 @@ class Survey(Generic[T]):
         stands_s, runs = look.standing_s(observed), steps.runs + len(requested)
         if stands_s:
             return self._standing(values, replace(steps, runs=runs, stands_s=stands_s))
-        coarse = self._under_input(points[0], steps)
+        runs_planned = self.kind.ask(self._with(steps), trace, points[0], batch, 0)
+        batch.simulate(self.workers)
+        coarse = runs_planned.under_input(batch, output)
+        if coarse is None:
+            raise TypeError(f"{trace.source}: nothing drives it")
         change = _change(coarse[: look.window.samples], finest.under_input(batch, output))
         if change <= steps.bound or 2.0 * change <= left:
             bound = steps.bound if change <= steps.bound else 2.0 * change
@@ -253,12 +256,11 @@ class Survey(Generic[T]):
         look = self.trace.look(fine, MOST_STEPS)
         if look is None:
             return steps
-        output = self.kind.output_of(self.trace)
-        run = self.batch.ask(values, look.closer, look.held_signal, output)
+        run = self.batch.ask(values, look.closer, look.held_signal, self.output)
         self.batch.simulate(self.workers)
         count = steps.step_s / steps.stands_s
         late = abs(count - round(count)) > UNEVEN * count
-        left, shifts = euler_leaves(self.batch.samples(run, output), look.pushed, late=late)
+        left, shifts = euler_leaves(self.batch.samples(run, self.output), look.pushed, late=late)
         return replace(
             steps,
             runs=steps.runs + 1,
@@ -300,7 +302,7 @@ class Survey(Generic[T]):
         large ones of it.
         """
         trace, kind, batch = self.trace, self.kind, self.batch
-        output, plan = kind.output_of(trace), self._plan(1)
+        output, plan = self.output, self._plan(1)
         requested = [
             (
                 kind.ask(self._with(plan), trace, p, batch, 0),
@@ -343,7 +345,7 @@ class Survey(Generic[T]):
     def _simulated(self, points: Sequence[FloatArray], per_sample: int) -> StepRuns:
         """Outputs of its runs at all points, with so many steps between two samples."""
         model, batch = self._with(self._plan(per_sample)), self.batch
-        output = self.kind.output_of(self.trace)
+        output = self.output
         requested = [self.kind.ask(model, self.trace, p, batch, 0) for p in points]
         batch.simulate(self.workers)
         others = [
@@ -353,16 +355,6 @@ class Survey(Generic[T]):
             [batch.samples(runs.driven, output) for runs in requested if runs.driven is not None],
             [batch.samples(run, output) for run in others],
         )
-
-    def _under_input(self, p: FloatArray, steps: StepPlan) -> FloatArray:
-        """Output under the input as planned, (n,); of a trace that is driven."""
-        output = self.kind.output_of(self.trace)
-        runs = self.kind.ask(self._with(steps), self.trace, p, self.batch, 0)
-        self.batch.simulate(self.workers)
-        result = runs.under_input(self.batch, output)
-        if result is None:
-            raise TypeError(f"{self.trace.source}: nothing drives it")
-        return result
 
     def _that_run(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
         """The points that the FMU takes, the first in any case: it may refuse a part of the box."""
@@ -383,8 +375,8 @@ class Survey(Generic[T]):
         trace = self.trace
         if not trace.has_unknown_start:
             return
-        values = self.model.whole.values(p, trace.label or None, trace.settings)
-        output, batch = self.kind.output_of(trace), self.batch
+        values = self.kind.start_values(self.model, trace, p)
+        output, batch = self.output, self.batch
         runs = [
             batch.ask(values, trace.pulse_window, trace.pulse(per_sample, level), output)
             for level in (1.0, 0.5)
@@ -425,17 +417,14 @@ class TracesTogether(Together[R]):
     """One or several traces of one kind."""
 
     FIELD = "traces"
+    #: What precedes the labels of a kind in the plan.
+    GROUP: ClassVar[str] = ""
 
     traces: tuple[R, ...] = field(default=())
 
     @property
-    def settles(self) -> bool:
-        """Its runs begin with the record."""
-        return False
-
-    @property
     def is_trace(self) -> bool:
-        """Its rows are samples over time."""
+        """Its rows are samples over time, with which its runs begin."""
         return True
 
     def refined(self, model: DrivenModel, points: Sequence[FloatArray], workers: Workers) -> Plan:
@@ -465,7 +454,17 @@ class TracesTogether(Together[R]):
         Args:
             trace: one of them.
         """
-        raise NotImplementedError
+        return f"{self.series}/{self.GROUP}{trace.label}"
+
+    def start_values(self, model: DrivenModel, trace: R, p: FloatArray) -> dict[str, Scalar]:
+        """Start values of the runs of a trace, of the whole model.
+
+        Args:
+            model: the FMU as the series drives it.
+            trace: one of them.
+            p: parameters (n,), each in its own unit.
+        """
+        return model.whole.values(p, trace.label or None, trace.settings)
 
     def ask(self, model: DrivenModel, trace: R, p: FloatArray, batch: Batch, owner: int) -> Asked:
         """Numbers of the runs that answer for a trace.
@@ -551,7 +550,7 @@ class TracesTogether(Together[R]):
                     else read_decay(plan, batch, run, output)
                 )
                 if whole is None:
-                    values = model.whole.values(p, trace.label or None, trace.settings)
+                    values = self.start_values(model, trace, p)
                     again[k, i] = ask_decay(trace, values, None, batch, output, k)
         if again:
             yield

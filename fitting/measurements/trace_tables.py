@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, ClassVar
@@ -11,10 +12,10 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import Recording, Selection, read_recording, unit_of
+from fitting.campaign.instruments import Recording, Selection, read_recording
 from fitting.fmu.description import FmuVariable
 from fitting.measurements.demodulated import DemodulatedRecord, DemodulatedTraces
-from fitting.measurements.records import StatedTable
+from fitting.measurements.records import ReadColumn, StatedTable
 from fitting.measurements.time_record import BEGINS, FIRST, FOUND
 from fitting.measurements.traces import FIT, GAINS, ONE, REST, STARTS, UNKNOWN, TraceRecord, Traces
 from fitting.measurements.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
@@ -35,7 +36,10 @@ from fitting.text.schema import (
     Usually,
     Value,
 )
-from fitting.text.units import Written, convert, in_unit, sigma_in
+from fitting.text.units import Written, in_unit, sigma_in
+
+#: Times, output, input that was recorded, and further inputs by name.
+ReadColumns = tuple[ReadColumn, ReadColumn, ReadColumn | None, Mapping[str, ReadColumn]]
 
 STEP, PULSE, CHIRP = SIGNALS = ("step", "pulse", "chirp")
 #: States that decay after an unknown start, where nothing is written: one mode.
@@ -182,8 +186,8 @@ class TraceTable(TimeTable):
         if self.start == UNKNOWN and self.lead is not None:
             raise Refused('has no meaning with start = "unknown"', "lead")
 
-    def read_columns(self, output: str) -> ReadTrace:
-        """The columns of the file, as they are written.
+    def read_columns(self, output: str) -> ReadColumns:
+        """Times, output, input and further inputs of the file, as they are written.
 
         Args:
             output: name of the output that is seen, where the table names none.
@@ -197,31 +201,21 @@ class TraceTable(TimeTable):
         observed = names.output or self.output or output
         there = map(table.find, (names.time or "time", observed, *self.further_inputs))
         table.check(channel for channel in there if channel is not None)
-        time = self._column(table, names.time or "time", "time (s)", "s")
+        time = ReadColumn.of(table, table.column(names.time or "time"), "time (s)").into("s")
         spacing_s(time.values, str(self.file), table.places)
         driven = None
         if self.input is not None and self.signal is None:
             wanted = names.input or self.input
             known = names.input or self.start != UNKNOWN or table.find(wanted) is not None
             if known and self.begin == FIRST:
-                driven = self._column(table, wanted, f"{wanted} (V)")
-        values = self._column(table, observed, f"{observed} (V)")
-        further = {n: self._further(table, n) for n in self.further_inputs}
-        return ReadTrace(time, values, driven, further)
-
-    def _column(
-        self, table: Recording, name: str, example: str, unit: str | None = None
-    ) -> ReadColumn:
-        column = table.column(name)
-        own = unit_of(table, column, example)
-        read = ReadColumn(table.numbers(column), own, f"{self.file}: column '{column.name}'")
-        return read if unit is None else read.into(unit)
-
-    def _further(self, table: Recording, name: str) -> ReadColumn:
-        """A column that is called like an input: in that one's unit where it tells none."""
-        column = table.column(name)
-        where = f"{self.file}: column '{column.name}'"
-        return ReadColumn(table.numbers(column), column.unit or "", where)
+                driven = ReadColumn.of(table, table.column(wanted), f"{wanted} (V)")
+        values = ReadColumn.of(table, table.column(observed), f"{observed} (V)")
+        further = {}
+        for name in self.further_inputs:  # in that input's unit where it states none
+            column = table.column(name)
+            where = f"{self.file}: column '{column.name}'"
+            further[name] = ReadColumn(table.numbers(column), column.unit or "", where)
+        return time, values, driven, further
 
     def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
         """What examines each name and value by itself, those of inputs as well."""
@@ -232,32 +226,40 @@ class TraceTable(TimeTable):
 
     def bound(self, binder: Binder, setup: Setup, label: str) -> TraceRecord:
         """The trace in the names and units of the FMU."""
-        trace = self.checked(partial(self.read_columns, setup.output), binder, setup)
+        read = partial(self.read_columns, setup.output)
+        time, values, recorded, further = self.checked(read, binder, setup)
         variables = binder.variables
         observed = variables[self.output or setup.output]
         driven: tuple[FloatArray, FloatArray] | Waveform | None = None
         if self.input is not None and self.signal is not None:
             driven = self.signal.waveform(variables[self.input].unit)
-        elif self.input is not None and trace.driven is not None:
+        elif self.input is not None and recorded is not None:
             # a factor of the one input is solved for, and the FMU has to be linear in it
-            if self.gain == FIT and self.start == UNKNOWN and not trace.further:
-                unit = variables[self.input].unit
-                driven = np.array(trace.time.values), _as_input(trace.driven, unit).values
+            if self.gain == FIT and self.start == UNKNOWN and not further:
+                with suppress(BadInput):  # in proportion to the input, whatever its unit
+                    recorded = recorded.into(variables[self.input].unit)
+                driven = np.array(time.values), recorded.values
             else:
-                driven = _on_clock(trace.time, binder, variables[self.input], trace.driven)
-        values, decays = trace.output, self.start == UNKNOWN and driven is None
+                driven = _on_clock(time, binder, variables[self.input], recorded)
+        decays = self.start == UNKNOWN and driven is None
         if self.gain == ONE and not decays:  # a free decay has no gain of its own
             if observed.unit is None:
                 binder.note_missing_unit(observed)
-            values = _as_output(values, observed.unit)
+            try:
+                values = values.into(observed.unit)
+            except BadInput as error:
+                raise BadInput(
+                    f'{error}; values that are in proportion to the output want gain = "fit" in '
+                    "[[trace]]"
+                ) from error
         return TraceRecord(
-            trace.time.values,
+            time.values,
             values.values,
             input=self.input or "",
             driven=driven,
             further={
-                name: _on_clock(trace.time, binder, variables[name], column)
-                for name, column in trace.further.items()
+                name: _on_clock(time, binder, variables[name], column)
+                for name, column in further.items()
             },
             interpolation=self.interpolation or LINEAR,
             gain=self.gain,
@@ -272,38 +274,6 @@ class TraceTable(TimeTable):
             source=str(self.file),
             **self.known(binder, setup),
         )
-
-
-@dataclass(frozen=True, eq=False)
-class ReadColumn:
-    """Values (n,) of a column in its unit; ``where`` opens complaints about it."""
-
-    values: FloatArray
-    unit: str
-    where: str
-
-    def into(self, unit: str | None) -> ReadColumn:
-        """The column in another unit.
-
-        Args:
-            unit: wanted; None: SI base units.
-        """
-        if unit == self.unit or not self.unit:
-            return self
-        zero, one = (convert(x, self.unit, unit, where=self.where) for x in (0.0, 1.0))
-        if zero != 0.0:  # a temperature
-            return ReadColumn(zero + (one - zero) * self.values, unit or "", self.where)
-        return ReadColumn(one * self.values, unit or "", self.where)
-
-
-@dataclass(frozen=True, eq=False)
-class ReadTrace:
-    """The columns of one table [[trace]]."""
-
-    time: ReadColumn
-    output: ReadColumn
-    driven: ReadColumn | None
-    further: Mapping[str, ReadColumn]
 
 
 def _on_clock(
@@ -321,24 +291,6 @@ def _on_clock(
         raise BadInput(
             f"{error}; an input that is in proportion to it, of a linear FMU, wants "
             'gain = "fit" and start = "unknown" in [[trace]]'
-        ) from error
-
-
-def _as_input(values: ReadColumn, unit: str | None) -> ReadColumn:
-    """Values in the unit of an input, or in proportion to it."""
-    try:
-        return values.into(unit)
-    except BadInput:
-        return values
-
-
-def _as_output(values: ReadColumn, unit: str | None) -> ReadColumn:
-    """Values in the unit of the output that they are compared with as they are."""
-    try:
-        return values.into(unit)
-    except BadInput as error:
-        raise BadInput(
-            f'{error}; values that are in proportion to the output want gain = "fit" in [[trace]]'
         ) from error
 
 
@@ -408,17 +360,16 @@ class DemodulatedTable(TimeTable):
             time=names.time, amplitude=names.amplitude, phase=names.phase, x=names.X, y=names.Y
         )
         table = read_recording(self.file, selection=given)
-        column = table.column(names.time or "time")
-        where = f"{self.file}: column '{column.name}'"
-        factor = convert(1.0, unit_of(table, column, "time (s)"), "s", where=where)
-        time_s = factor * table.numbers(column)
+        time = ReadColumn.of(table, table.column(names.time or "time"), "time (s)")
+        time_s = time.into("s").values
         spacing_s(time_s, str(self.file), table.places)
         amplitudes = names.amplitude or table.find(names.X or "X") is None
         values, unit = self._amplitudes(table) if amplitudes else self._phasors(table)
         if names.phase:
             if not amplitudes:
                 raise BadInput(f"{self.file}: a column of phases is given together with X and Y")
-            values = values * np.exp(1j * self._phases(table))
+            phase = ReadColumn.of(table, table.column(names.phase), "phase (deg)")
+            values = values * np.exp(1j * phase.into("rad").values)
         return DemodulatedRecord(
             time_s,
             values,
@@ -435,10 +386,9 @@ class DemodulatedTable(TimeTable):
         )
 
     def _phasors(self, table: Recording) -> tuple[ComplexArray, str]:
-        x, y = table.column(self.columns.X or "X"), table.column(self.columns.Y or "Y")
-        unit, other = unit_of(table, x, "X (V)"), unit_of(table, y, "Y (V)")
-        factor = convert(1.0, other, unit, where=f"{self.file}: column '{y.name}'")
-        return table.numbers(x) + 1j * factor * table.numbers(y), unit
+        x = ReadColumn.of(table, table.column(self.columns.X or "X"), "X (V)")
+        y = ReadColumn.of(table, table.column(self.columns.Y or "Y"), "Y (V)")
+        return x.values + 1j * y.into(x.unit).values, x.unit
 
     def _amplitudes(self, table: Recording) -> tuple[FloatArray, str]:
         if not self.columns.amplitude and table.find("amplitude") is None:
@@ -448,14 +398,7 @@ class DemodulatedTable(TimeTable):
                 "them, or their names in columns"
             )
         column = table.column(self.columns.amplitude or "amplitude")
-        unit = unit_of(table, column, "amplitude (V)")
-        if unit in LEVELS:
-            levels = table.numbers(column)
-            return 10.0 ** ((levels - np.max(levels)) / 20.0), "1"
-        return table.numbers(column), unit
-
-    def _phases(self, table: Recording) -> FloatArray:
-        column = table.column(self.columns.phase)
-        unit = unit_of(table, column, "phase (deg)")
-        factor = convert(1.0, unit, "rad", where=f"{self.file}: column '{column.name}'")
-        return factor * table.numbers(column)
+        read = ReadColumn.of(table, column, "amplitude (V)")
+        if read.unit in LEVELS:
+            return 10.0 ** ((read.values - np.max(read.values)) / 20.0), "1"
+        return read.values, read.unit

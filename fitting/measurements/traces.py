@@ -23,6 +23,7 @@ from fitting.fmu.runs import SampledSignal
 from fitting.lines.decay_begin import decay_start
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import (
+    DRAWN,
     OF_LARGEST,
     Axis,
     Figure,
@@ -31,13 +32,14 @@ from fitting.measurements.figure import (
     Panel,
     Role,
     compared,
+    record_figure,
     residual_points,
 )
 from fitting.measurements.measurement import Values
 from fitting.measurements.records import OfSetup
 from fitting.measurements.residuals import ResidualCurve, mistakes
 from fitting.measurements.steps import LOOKED, Look
-from fitting.measurements.time_record import FIRST, FOUND, TimeRecord, ask_decay
+from fitting.measurements.time_record import FIRST, TimeRecord, ask_decay
 from fitting.measurements.trace_survey import Asked, TracesTogether
 from fitting.measurements.waveform import LINEAR, Recorded, Waveform
 from fitting.signal.window import Window
@@ -143,18 +145,14 @@ class TraceRecord(TimeRecord):
     @cached_property
     def waveforms(self) -> Mapping[str, Waveform]:
         """What drives each input; times on the clock of the trace."""
-        driven = {} if self.driven is None else {self.input: self.driven}
-        return {
-            name: self._waveform(name, each) for name, each in {**driven, **self.further}.items()
-        }
-
-    def _waveform(
-        self, name: str, driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform
-    ) -> Waveform:
-        if isinstance(driven, tuple):
-            time_s, values = (as_numbers(v, f"{self.source}: driven") for v in driven)
-            return Recorded(time_s, values, self.interpolation, source=f"input '{name}'")
-        return driven
+        first = {} if self.driven is None else {self.input: self.driven}
+        result: dict[str, Waveform] = {}
+        for name, driven in {**first, **self.further}.items():
+            if isinstance(driven, tuple):
+                time_s, values = (as_numbers(v, f"{self.source}: driven") for v in driven)
+                driven = Recorded(time_s, values, self.interpolation, source=f"input '{name}'")
+            result[name] = driven
+        return result
 
     @cached_property
     def largest(self) -> float:
@@ -176,11 +174,6 @@ class TraceRecord(TimeRecord):
         """Number of unknowns that are solved for."""
         free = self.states if self.start == UNKNOWN else 0
         return free + (self.is_driven and self.gain == FIT) + self.offset
-
-    @property
-    def row_sigma(self) -> float:
-        """Standard deviation of its rows; zero where unknown."""
-        return self.sigma / self.largest
 
     def rows_of(self, values: FloatArray | ComplexArray) -> FloatArray:
         """Values over the largest distance from the mean.
@@ -304,46 +297,45 @@ class TraceRecord(TimeRecord):
         return basis
 
 
-#: Points that are drawn of a layer, at most: the first and last of equal stretches.
-DRAWN = 4000
 #: Lags of the autocorrelation that is drawn, at most.
 LAGS = 60
 
 
-def trace_figure(
-    trace: TraceRecord, before: FloatArray, after: FloatArray, series: str = ""
-) -> Figure:
+def trace_figure(trace: TraceRecord, before: FloatArray, after: FloatArray) -> Figure:
     """A trace with the model, its residuals, and their autocorrelation.
 
     Args:
         trace: as measured.
         before: as simulated with the start parameters, (n,), in the trace's unit.
         after: with the fitted ones.
-        series: name of the series.
     """
-    x = Axis("time", "s")
-    unit = "" if trace.unit == "1" else trace.unit
-    every = slice(None, None, -(-trace.t.size // DRAWN))
+    x, count = Axis("time", "s"), trace.y.size
+    every = slice(None, None, -(-count // DRAWN))
     t, y = trace.t[every], trace.y[every]
     sigma = np.full(t.size, trace.sigma) if trace.sigma > 0.0 else None
-    shown = compared((x, Axis("output", unit)), t, y, before[every], after[every], sigma)
+    shown = compared((x, Axis("output", trace.unit)), t, y, before[every], after[every], sigma)
     left = after - trace.y
     rest = residual_points((x, OF_LARGEST), t, [("", (100.0 * left / trace.largest)[every])])
     rms = number(100.0 * float(np.sqrt(np.mean(left**2))) / trace.largest, 2)
-    count = trace.y.size
     which = f"{count} samples" if every.step == 1 else f"One of {every.step} of {count} samples"
-    stated = f" {trace.label}" if trace.label else ""
-    return Figure(
-        name=f"trace{f'_{trace.label}' if trace.label else ''}".replace("/", "_"),
-        title=f"Trace{stated}: measured and simulated",
+    waves = trace.waveforms
+    driven = "; ".join(
+        wave.words if len(waves) == 1 else f"{name}: {wave.words}" for name, wave in waves.items()
+    )
+    start = "the FMU begins with its start values"
+    if trace.start != REST:
+        start = f"its state at {trace.first_words}, {trace.states} numbers, is solved for"
+    return record_figure(
+        "trace",
+        "Trace",
+        trace.label,
         caption=(
-            f"{which} with the model before and after the fit; {_input(trace)}; {_start(trace)}. "
+            f"{which} with the model before and after the fit; {driven or 'no input'}; {start}. "
             f"Below: what the fit leaves, {rms} % of the largest distance from the mean (rms), and "
             "its autocorrelation, with the band that holds 95 % of it where it is white."
         ),
-        alt=f"A trace of {trace.y.size} samples with the fitted model; residual {rms} % rms.",
-        rows=((shown,), (rest,), (together(left),)),
-        series=series,
+        alt=f"A trace of {count} samples with the fitted model; residual {rms} % rms.",
+        panels=(shown, rest, together(left)),
     )
 
 
@@ -371,21 +363,6 @@ def together(left: FloatArray) -> Panel:
         level=0.0,
         height=0.5,
     )
-
-
-def _input(trace: TraceRecord) -> str:
-    if len(trace.waveforms) > 1:
-        return "; ".join(f"{name}: {wave.words}" for name, wave in trace.waveforms.items())
-    return next((wave.words for wave in trace.waveforms.values()), "no input")
-
-
-def _start(trace: TraceRecord) -> str:
-    if trace.start == REST:
-        return "the FMU begins with its start values"
-    first = "the first sample"
-    if trace.begin == FOUND:
-        first = f"{trace.t[0]:.6g} s, where the free decay was found to begin"
-    return f"its state at {first}, {trace.states} numbers, is solved for"
 
 
 @checked
@@ -440,14 +417,6 @@ class Traces(TracesTogether[TraceRecord]):
 
     NOUN = "trace"
 
-    def key(self, trace: TraceRecord) -> str:
-        """What the plan knows a trace by.
-
-        Args:
-            trace: one of them.
-        """
-        return f"{self.series}/{trace.label}"
-
     def ask(
         self, model: DrivenModel, trace: TraceRecord, p: FloatArray, batch: Batch, owner: int
     ) -> Asked:
@@ -460,7 +429,7 @@ class Traces(TracesTogether[TraceRecord]):
             batch: where runs are asked for.
             owner: which evaluation pays for them.
         """
-        values = model.whole.values(p, trace.label or None, trace.settings)
+        values = self.start_values(model, trace, p)
         plan = model.plan.step_plan(self.key(trace))
         driven = decay = coarse = None
         output, steps = self.output_of(trace), 1 if plan is None else plan.per_sample
@@ -492,14 +461,9 @@ class Traces(TracesTogether[TraceRecord]):
         design = np.stack(columns, axis=1) if columns else np.empty((count, 0))
         return base + _projected(design, trace.y - base), design / trace.largest
 
-    def figure_of(
-        self,
-        record: TraceRecord,
-        before: Values,
-        after: Values,
-    ) -> Figure:
+    def figure_of(self, record: TraceRecord, before: Values, after: Values) -> Figure:
         """A trace with the model, its residuals, and their autocorrelation."""
-        return trace_figure(record, before.real, after.real, self.series)
+        return trace_figure(record, before.real, after.real)
 
 
 def _projected(design: FloatArray, values: FloatArray) -> FloatArray:

@@ -162,6 +162,15 @@ class Budget:
         """
         return Budget(self.wanted, (*self.decisions, decision))
 
+    def with_instead(self, decision: Decision) -> Budget:
+        """The budget with a decision instead of all others of its kind.
+
+        Args:
+            decision: of the plan.
+        """
+        others = tuple(d for d in self.decisions if d.kind != decision.kind)
+        return Budget(self.wanted, (*others, decision))
+
     def record(self, settings: Mapping[str, Scalar]) -> PlanRecord:
         """What a result holds of a plan.
 
