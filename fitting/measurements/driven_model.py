@@ -253,16 +253,11 @@ class DrivenModel:
         Raises:
             BadInput: no samples keep them apart.
         """
-        held_s = self.single_tone_window(fastest_hz).input_step_s if self.holds_tones else 0.0
+        held_s = self.single_tone_window(fastest_hz).input_step_s if self.held_steps else 0.0
         return _superposed(tones_hz, self.plan.settle_s, held_s, self.plan.grid)
 
     @property
-    def holds_tones(self) -> bool:
-        """Whether the tool applies tones, as steps."""
-        return self._held > 0
-
-    @property
-    def _held(self) -> int:
+    def held_steps(self) -> int:
         """Steps in a period of the fastest tone for which the tool holds it; 0: the FMU drives."""
         drive = self.setup.drive
         return drive.samples_per_period if drive.kind == "input" else 0
@@ -275,7 +270,9 @@ class DrivenModel:
             tones_hz: frequencies of the tones, Hz.
         """
         order = max(self.setup.drive.highest_order, self.plan.order)
-        return _window(read_hz, tones_hz, self.plan.settle_s, self._held, order, self.plan.grid)
+        return _window(
+            read_hz, tones_hz, self.plan.settle_s, self.held_steps, order, self.plan.grid
+        )
 
     def drive(
         self, values: Mapping[str, Scalar], tones_hz: tuple[float, ...], output: str

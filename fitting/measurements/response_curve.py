@@ -138,7 +138,7 @@ class ResponseCurve:
 
     def _window(self, tones_hz: FloatArray) -> Window:
         tones = tuple(map(float, tones_hz))
-        if len(tones) == 1 and not (self.fastest_hz and self.model.holds_tones):
+        if len(tones) == 1 and not (self.fastest_hz and self.model.held_steps):
             return self.model.single_tone_window(tones[0])
         return self.model.superposed_window(tones, self.fastest_hz or max(tones))
 

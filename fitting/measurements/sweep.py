@@ -175,10 +175,7 @@ class Sweep(Measurement):
     @property
     def _shape(self) -> FloatArray:
         """Measured amplitudes (n,), less what a background beside them would make of them."""
-        return self._less_beside(self.amplitude_v)
-
-    def _less_beside(self, amplitudes: FloatArray) -> FloatArray:
-        return np.asarray(amplitudes - self._projected(amplitudes))
+        return np.asarray(self.amplitude_v - self._projected(self.amplitude_v))
 
     def _projected(self, amplitudes: FloatArray) -> FloatArray:
         """What of amplitudes (n,) is a background, by least squares."""
@@ -396,7 +393,7 @@ class Sweep(Measurement):
         chi = chi_of_sweep(self.amplitude_v, simulated)
         if not self.solved_inside:
             return chi
-        shape = self._less_beside(simulated)
+        shape = simulated - self._projected(simulated)
         if not np.max(shape) > 0.0:
             return chi
         return max(chi_of_sweep(self._shape, shape), LEAST_SHARE * chi)
