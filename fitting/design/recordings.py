@@ -144,7 +144,7 @@ class RecordingCandidates:
         record = replace(
             old,
             time_s=float(old.t[0]) + index * requested.spacing_s,
-            values=tone if old.is_complex else tone.real,
+            values=tone if old.is_demodulated else tone.real,
             begin="first",
             label=f"next {requested.trace} at {requested.spacing_s!r} s",
         )

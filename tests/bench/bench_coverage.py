@@ -33,7 +33,7 @@ from fitting.fmu.description import FmuVariable, read_description
 from fitting.fmu.pool import FmuWorkers
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Determined
-from fitting.lab.bench import Instrument, Series, measure
+from fitting.lab.bench import Instrument, Measured, measure
 from fitting.lab.benches import string_bench
 from fitting.lab.instruments import LockIns
 from fitting.lab.laboratories import changed
@@ -79,7 +79,7 @@ def width_of(modes: TwoModes, mode: int) -> float:
     return (c2 * modes.d1_hz + s2 * modes.d2_hz, s2 * modes.d1_hz + c2 * modes.d2_hz)[mode]
 
 
-def coupling_of(series: Series) -> float:
+def coupling_of(series: Measured) -> float:
     """Mean of lambda over the experiments, Hz: sqrt(-1/2 sin 2 theta (eta-^2 - eta+^2))."""
     found = [
         math.sqrt(
@@ -94,7 +94,7 @@ def coupling_of(series: Series) -> float:
 
 
 def bound_of(
-    series: Series,
+    series: Measured,
     variables: Variables,
     folder: Path,
     *,
@@ -118,7 +118,7 @@ def bound_of(
     return replace(bound, alternatives=bound.alternatives[:1])
 
 
-def truth_of(series: Series) -> dict[str, float]:
+def truth_of(series: Measured) -> dict[str, float]:
     """Width and quality factor of the observed mode, and the coupling."""
     bench = series.bench
     width = width_of(bench.modes, bench.observed)
@@ -152,7 +152,7 @@ def offsets(
     return Laboratory(bound, truth | pair_offsets(series, bound), {})
 
 
-def pair_offsets(series: Series, bound: BoundCampaign) -> dict[str, float]:
+def pair_offsets(series: Measured, bound: BoundCampaign) -> dict[str, float]:
     """True offsets of the experiments, by the parameter's name; none where the drift is linear."""
     ends = series.eta_before_hz[0], series.eta_after_hz[0]
     last = len(series.true_modes) - 1

@@ -77,9 +77,9 @@ def test_a_ringdown_is_read_and_drafted_with_its_units(name: str, tmp_path: Path
     assert isinstance(traces, ReadRecords)
     [table] = traces.tables
     assert isinstance(table, TraceTable)
-    read = table.read_columns("readout")
-    np.testing.assert_allclose(np.diff(read.time.values), 1e-5, rtol=1e-6)
-    assert read.output.unit == {"x": "nm", "U": "mV"}.get(column, "V")
+    time, output, *_ = table.read_columns("readout")
+    np.testing.assert_allclose(np.diff(time.values), 1e-5, rtol=1e-6)
+    assert output.unit == {"x": "nm", "U": "mV"}.get(column, "V")
 
 
 def test_a_sweep_behind_a_sign_of_a_remark_has_names_and_units(tmp_path: Path) -> None:

@@ -22,9 +22,16 @@ from fitting.report.screen import phrase, printed_lines
 from fitting.report.summary import summary_lines, summary_of
 from fitting.report.table import csv_text, text_lines
 from fitting.report.table import table as table_of
-from fitting.result.calibration import Calibration, Handed
+from fitting.result.calibration import Calibration
 from fitting.text.arrays import FloatArray
-from fitting.text.estimate import EVEN, ErrorBars, FittedEstimate, Verdict, error_bars
+from fitting.text.estimate import (
+    EVEN,
+    ErrorBars,
+    FittedEstimate,
+    ParameterEstimate,
+    Verdict,
+    error_bars,
+)
 from tests.support import report_records as records
 from tests.support.whitened import Z95, parameter, whitened
 
@@ -162,7 +169,7 @@ def test_a_value_from_python_tells_both_sides() -> None:
 
 
 def test_a_value_that_is_handed_on_takes_its_sides_into_the_unit_of_the_fmu() -> None:
-    handed = Handed(
+    handed = ParameterEstimate(
         name="d1",
         value=0.094,
         unit="kHz",
@@ -171,7 +178,9 @@ def test_a_value_that_is_handed_on_takes_its_sides_into_the_unit_of_the_fmu() ->
         ci95=(0.094 - 0.0174, 0.094 + 0.0251),
         status=Verdict.DETERMINED,
     )
-    found = Calibration(parameters=(handed,), campaign_values={}, settings={}, open_settings={})
+    found = Calibration(
+        parameters=(handed,), left={}, campaign_values={}, settings={}, open_settings={}
+    )
     line = printed_lines("calibration", "screen", "a fit", found, EVEN, False, ())[1]
     assert line.replace("\u00a0", " ").endswith("d1 = 0.0940 +0.0128 -0.0089 kHz")
 

@@ -11,7 +11,7 @@ import pythonfmu
 import fitting as ff
 from fitting.text.finding import Kind
 
-SLAVE = Path(__file__).parents[1] / "support/foreign/LateOutput.py"
+SLAVE = Path(__file__).parents[1] / "bench/foreign/LateOutput.py"
 FIELDS = """title = "An output that is late"
 
 [fmu]

@@ -152,7 +152,7 @@ def test_in_python_too_a_whole_period_is_no_interval(
         most_likely=1.9,
         ci95=(0.31, 3.46),
         closed_by=ends,
-        scan=plot_records.profile().scan,
+        scan=plot_records.profile()[1],
     )
     said = repr(theta)
     assert said.startswith("theta: ")
@@ -173,7 +173,7 @@ def test_a_search_that_was_cut_is_a_short_word_in_its_row(result: Result) -> Non
         )
         for name, p in result.parameters.items()
     }
-    scan = replace(plot_records.profile().scan, stopped=("budget", "budget"))
+    scan = replace(plot_records.profile()[1], stopped=("budget", "budget"))
     knowledge = replace(plot_records.determined().knowledge, scans=dict.fromkeys(cut, scan))
     table = table_of("intervals", result=replace(result, parameters=cut, knowledge=knowledge))
     verdicts = [row[-1].text for row in table.rows[:2]]
