@@ -90,7 +90,7 @@ _REQUESTED = re.compile(
 _RANGE = re.compile(rf"(?P<a>{REAL}):(?P<b>{REAL}):(?P<step>{REAL})\s*(?P<unit>{UNIT})?")
 _LIST = re.compile(rf"(?P<list>{REAL}(?:\s*,\s*{REAL})*)\s*(?P<unit>{UNIT})?")
 #: Columns of a sweep by the fields of `Roles`.
-_FIELDS = ("frequency", "sizes", "phase", "real", "imaginary")
+_FIELDS = ("axis", "sizes", "phase", "real", "imaginary")
 
 
 #: Laws of the variables that follow a control: formula, and coefficients with their units, by name.

@@ -13,6 +13,7 @@ from glob import escape
 from pathlib import Path
 from secrets import token_hex
 
+import fitting
 from fitting.text.errors import BadInput, MissingFile
 
 #: What the temporary name of a file ends with.
@@ -199,7 +200,7 @@ def shipped(name: str) -> Path:
     Raises:
         BadInput: it is in neither place.
     """
-    package = Path(__file__).resolve().parents[1]
+    package = Path(fitting.__file__).resolve().parent
     for home in (package / INSTALLED, package.parent):
         if (home / name).exists():
             return home / name
