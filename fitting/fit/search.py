@@ -179,7 +179,7 @@ class Minimum:
 class SearchResult:
     """How a box was searched in one alternative.
 
-    `screened` points of the box were evaluated in `screens` rounds, `descents` searches started
+    `screened` points of the box were evaluated, `descents` searches started in `screens` rounds
     from the best of them. `explained`: whether noise explains the lowest; `twins` number of exact
     symmetries of the model; `refused` points of the box at which the model failed, the first with
     the words of `refusal`.
