@@ -319,6 +319,8 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return phrase("next", "measure_assumed", list(map(sign, assumed.names["assumed"]))), ""
     target = target_of(result, left)
     if not target:
+        for wider in of_kind(result.findings, Kind.noise_underestimated):
+            return phrase("next", "state_noise", wider.numbers["factor"]), ""
         structured = (f.kind in STRUCTURED and f.severity != "note" for f in result.findings)
         return phrase("next", "background" if any(structured) else "none_needed"), ""
     if "budget" in result.scans[target].stopped:

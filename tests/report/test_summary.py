@@ -14,7 +14,14 @@ from fitting.fit.fit import Status
 from fitting.lines.record import NO_STRUCTURE, TriedForm, line_numbers
 from fitting.report.published import latex, rows_of
 from fitting.report.screen import printed
-from fitting.report.summary import Summary, detail_lines, result_lines, summary_lines, summary_of
+from fitting.report.summary import (
+    Summary,
+    detail_lines,
+    next_step,
+    result_lines,
+    summary_lines,
+    summary_of,
+)
 from fitting.report.table import table as table_of
 from fitting.report.table import text_lines
 from fitting.result.assembly import without_profiles
@@ -390,3 +397,16 @@ def test_the_details_hold_every_finding_once(result: Result) -> None:
     text = " ".join(detail_lines(replace(result, findings=found)))
     assert text.count("Check their order") == 1
     assert text.count("differ from mean and tones") == 1
+
+
+def test_where_noise_is_larger_than_stated_it_is_to_be_stated(result: Result) -> None:
+    kind, numbers = Kind.noise_underestimated, {"factor": 2.91}
+    larger = Finding(kind=kind, severity="warning", subject="measurements", numbers=numbers)
+    determined = {
+        name: replace(p, status=Verdict.DETERMINED) for name, p in result.parameters.items()
+    }
+    there = replace(result, findings=(larger,), parameters=determined, derived={})
+    words, command = next_step(there, {})
+    assert "2.91" in words
+    assert command == ""
+    assert next_step(replace(there, findings=()), {})[0] != words
