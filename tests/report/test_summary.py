@@ -405,7 +405,10 @@ def test_where_noise_is_larger_than_stated_it_is_to_be_stated(result: Result) ->
     determined = {
         name: replace(p, status=Verdict.DETERMINED) for name, p in result.parameters.items()
     }
-    there = replace(result, findings=(larger,), parameters=determined, derived={})
+    knowledge = plot_records.determined().knowledge
+    there = replace(
+        result, findings=(larger,), parameters=determined, derived={}, knowledge=knowledge
+    )
     words, command = next_step(there, {})
     assert "2.91" in words
     assert command == ""
