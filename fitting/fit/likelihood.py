@@ -135,9 +135,10 @@ class Likelihood:
         """
         data = self.noise.whitened(point.residuals - self.shift) / self.inflation
         dataset = self.objective.data
-        for m, at in zip(dataset.measurements, dataset.slices, strict=True):
-            if self.by_shares and m.line_width_hz is not None:
-                for curve in filter(lambda c: c.model.size, m.residual_curves(point.residuals[at])):
+        pairs = zip(dataset.measurements, dataset.slices, strict=True) if self.by_shares else ()
+        for m, at in pairs:
+            for curve in () if m.line_width_hz is None else m.residual_curves(point.residuals[at]):
+                if curve.model.size:
                     shares = curve.power_shares / SHARE
                     data[at][curve.rows] = 0.0  # complex values have two rows and one share
                     data[at][curve.rows[: shares.size]] = shares

@@ -338,7 +338,7 @@ def search_box(
         # one wrong minimum in twenty is explained by noise at TOO_LARGE_P, nearly none at BARELY_P
         is_explained = p >= (BARELY_P if is_wide and not along else TOO_LARGE_P)
         is_spent = evaluator.evaluations >= budget
-        is_done = (is_spent and not left) if not is_explained else (is_spent or spread >= enough)
+        is_done = (is_spent or spread >= enough) if is_explained else (is_spent and not left)
         if (rounds and is_done) or rounds == ROUNDS or not unknowns:
             break
         way = left.pop(0) if left and minima and not is_explained else ""

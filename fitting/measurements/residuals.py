@@ -16,8 +16,6 @@ import numpy.typing as npt
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, both_parts
 from fitting.text.finding import Kind
 
-Values = FloatArray | ComplexArray
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResidualCurve:
@@ -45,8 +43,8 @@ class ResidualCurve:
     name: str = ""
     columns: Mapping[Kind, FloatArray] = field(default_factory=dict)
     first_order: frozenset[Kind] = frozenset()
-    model: Values = field(default_factory=lambda: np.empty(0))
-    measured: Values = field(default_factory=lambda: np.empty(0))
+    model: FloatArray | ComplexArray = field(default_factory=lambda: np.empty(0))
+    measured: FloatArray | ComplexArray = field(default_factory=lambda: np.empty(0))
 
     @property
     def power_shares(self) -> FloatArray:
