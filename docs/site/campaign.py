@@ -4,82 +4,113 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from docs.site.markdown import code, table
+from docs.site.markdown import code, escaped
 from fitting.measurements.schema import campaign_schema
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 INTRODUCTION = """\
 # campaign.toml
 
-Every key of the campaign file. [Write a campaign](../how-to/campaign.md) tells how they go
-together. Unknown keys are refused with the nearest known one, and all complaints come at once, a
-line each. “Value” stands for a number in the FMU's own unit, or a text with a unit as `"6.94016
-MHz"`; paths are relative to the file. Examples are those of the shipped campaigns.
+Every key of the campaign file. [Write a campaign](../how-to/campaign.md) describes how they go
+together. An unknown key is an error that names the nearest known one, and all errors are printed
+at once, a line each. “Value” is a number in the FMU's own unit, or a text with a unit as `"6.94016
+MHz"`; paths are relative to the file. A default follows `=`; examples are those of the shipped
+campaigns.
 
 The same as a JSON Schema for editors: `python -m fitting.measurements.schema >
 campaign.schema.json` writes it, and a first line `#:schema ./campaign.schema.json` in the
 campaign names it."""
-#: What a table's entries are called where their names are free.
-FREE = {"drift": "variable", "alternatives": "variable", "laws": "variable", "constants": "name"}
+SHARED = "## Keys of several tables"
+#: Kinds of keys whose examples add to the description.
+FREE_TEXT = ("text", "value", "list", "table")
 
 
 def page() -> str:
-    """The page, a table for each table of the file."""
+    """The page: the keys that several tables have, then each table of the file with its own."""
     schema = json.loads(campaign_schema())
     shipped = [tomllib.loads(path.read_text("utf-8")) for path in sorted(DATA.glob("*/*.toml"))]
-    parts = [INTRODUCTION, "## Top level", _keys((), schema, shipped)]
-    for place, described, repeated in _tables(schema):
-        name = ".".join(place)
-        parts.append(f"## `[[{name}]]`" if repeated else f"## `[{name}]`")
-        parts.append(" ".join(described.get("description", "").replace("``", "`").split()))
-        parts.append(_keys(place, described, shipped))
+    tables = dict(_tables(schema))
+    keys = {place: dict(_keys(place, table, shipped)) for place, table in tables.items()}
+    count = Counter(entry for of_table in keys.values() for entry in of_table.items())
+    shared = {key: text for (key, text), number in reversed(count.most_common()) if number > 1}
+    listed = {key: text for key, text in count if shared.get(key) == text}
+    parts = [INTRODUCTION, _listed(keys.pop(())), SHARED, _listed(listed)]
+    for place, entries in keys.items():
+        table, name = tables[place], ".".join(place)
+        parts.append(f"## `[[{name}]]`" if table["is_repeated"] else f"## `[{name}]`")
+        parts.append(escaped(_line(table.get("description", ""))))
+        if isinstance(free := table.get("additionalProperties"), dict):
+            example = _example(place, shipped, None)
+            shown = f", as `{example}`" if example else ""
+            parts.append(
+                f"{'Other keys' if entries else 'Keys'} are names: {_wanted(free)}{shown}."
+            )
+        parts.append(_listed({k: text for k, text in entries.items() if shared.get(k) != text}))
+        more = [code(key) for key, text in entries.items() if shared.get(key) == text]
+        parts.append(f"Also {', '.join(more)}." if more else "")
     return "\n\n".join(part for part in parts if part)
 
 
+def _line(text: str) -> str:
+    return " ".join(text.replace("``", "`").split())
+
+
+def _listed(entries: Mapping[str, str]) -> str:
+    return "\n".join(f"- `{key}`{text}" for key, text in entries.items())
+
+
 def _tables(
-    schema: Mapping[str, Any], place: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any], bool]]:
-    for key, described in schema.get("properties", {}).items():
-        inner = described.get("items", described)
-        if _is_table(inner):
-            yield (*place, key), inner, inner is not described
-            yield from _tables(inner, (*place, key))
+    table: Mapping[str, Any], place: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
+    """The tables with a heading of their own, the whole file first."""
+    yield place, table
+    for key, value in table.get("properties", {}).items():
+        inner = value.get("items", value)
+        if _is_table(inner) and not (place and _is_listed(key, inner)):
+            yield from _tables({**inner, "is_repeated": inner is not value}, (*place, key))
 
 
-def _is_table(described: Any) -> bool:
-    return isinstance(described, dict) and (
-        "properties" in described or described.get("type") == "object"
-    )
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict) and ("properties" in value or value.get("type") == "object")
 
 
-def _keys(place: tuple[str, ...], described: Mapping[str, Any], shipped: list[Any]) -> str:
-    rows = []
-    needed = described.get("required", ())
-    keys = described.get("properties", {}).items()
-    for key, value in sorted(keys, key=lambda each: each[0] not in needed):
-        if _is_table(value.get("items", value)):
-            continue
-        usual = "required" if key in needed else code(_toml(value.get("default")))
-        example = code(_example((*place, key), shipped, value.get("default")) or _stated(value))
-        rows.append((code(key), value.get("description", ""), _wanted(value), usual, example))
-    free = described.get("additionalProperties")
-    if isinstance(free, dict):
-        name = FREE.get(place[-1], "variable")
-        inner = free.get("properties", {})
-        told = free.get("description", "") + "".join(
-            f" `{key}`: {value['description']}" for key, value in inner.items()
-        )
-        if not rows:
-            example = _example(place, shipped, None)
-            return f"Wanted for each {name}: {_wanted(free)}" + (
-                f", as `{example}`." if example else "."
+def _is_listed(key: str, table: Mapping[str, Any]) -> bool:
+    """Whether a table is described in a line of the one that it is in."""
+    return key == "columns" or not table.get("properties")
+
+
+def _keys(
+    place: tuple[str, ...], table: Mapping[str, Any], shipped: list[Any]
+) -> Iterator[tuple[str, str]]:
+    """The keys of a table, required ones first, each with what is said of it."""
+    required = table.get("required", ())
+    keys = table.get("properties", {}).items()
+    for key, value in sorted(keys, key=lambda each: each[0] not in required):
+        text = _line(value.get("description", ""))
+        usual = value.get("default")
+        if not _is_table(value.get("items", value)):
+            kind = _wanted(value)
+            kind += (
+                ", required"
+                if key in required
+                else f" = {code(_toml(usual))}" * (usual is not None)
             )
-        rows.append((f"a {name}", told or "Its value.", _wanted(free), "", ""))
-    return table(("key", "meaning", "wanted", "default", "example"), rows)
+        elif not place or not _is_listed(key, value.get("items", value)):
+            continue
+        elif inner := value.get("properties"):
+            kind = "table"
+            text += " " + "; ".join(f"`{k}`: {_line(v['description'])}" for k, v in inner.items())
+            text = text.replace(".; ", "; ")
+        else:
+            kind = f"table: {_wanted(value['additionalProperties'])} by variable"
+        example = _example((*place, key), shipped, usual) or _stated(value)
+        has_example = example and kind.startswith(FREE_TEXT) and example not in text
+        yield key, escaped(f" ({kind}): {text}") + (f" As `{example}`." if has_example else "")
 
 
 def _wanted(value: Mapping[str, Any]) -> str:
@@ -87,14 +118,15 @@ def _wanted(value: Mapping[str, Any]) -> str:
     if "enum" in value:
         return ", ".join(code(_toml(word)) for word in value["enum"])
     if "x-unit" in value:
-        return f"text with a unit ({value['x-unit']})"
+        return f"text, {value['x-unit']}"
     kind = value.get("type")
     if kind == "array":
         return "list of " + {"text": "texts", "value": "values"}.get(
             word := _wanted(value["items"]), word.replace("number", "numbers")
         )
     if kind == "object":
-        return "table"
+        inner = value.get("properties", {})
+        return "table" + f" of {' and '.join(map(code, inner))}" * bool(inner)
     if isinstance(kind, list):
         return "share" if value.get("examples") else "value"
     words = {"string": "text", "boolean": "true or false", "integer": "whole number"}
@@ -112,7 +144,7 @@ def _stated(value: Mapping[str, Any]) -> str:
 def _example(place: tuple[str, ...], shipped: list[Any], usual: Any) -> str:
     """The first value that a shipped campaign has there, as it is written in TOML."""
     found = [value for campaign in shipped for value in _values(campaign, place)]
-    found.sort(key=lambda value: value == usual)  # what is not said anyway tells more
+    found.sort(key=lambda value: value == usual)  # another than the default
     return next((text for text in map(_toml, found) if text and len(text) <= 40), "")
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import re
+from collections import Counter
 
 from docs.site.markdown import code, escaped, table
 from fitting.cli.words.parser import COMMANDS, EXIT_CODES, add_options, command_of
@@ -11,26 +13,41 @@ from fitting.cli.words.parser import COMMANDS, EXIT_CODES, add_options, command_
 INTRODUCTION = """\
 # Commands
 
-`fmu-fit COMMAND --help` shows the same in a terminal; `python -m fitting` is the same program.
-`FMU` is a file, or the name of a model of this project, as `CoupledOscillator`. Every command
-writes only under `--out`. [Exit codes](exit-codes.md) are the same for all.
+`fmu-fit COMMAND --help` prints the same; `python -m fitting` is the same program. `FMU` is a file,
+or the name of a model of this project, as `CoupledOscillator`. Every command writes only under
+`--out`. [Exit codes](exit-codes.md) are the same for all. Defaults are in brackets.
 
-With `--json` the result stands on stdout as one document, and nothing else does, so that
+With `--json` the result is printed on stdout as one document, and nothing else is, so that
 `fmu-fit reconstruct CAMPAIGN.toml --json | jq .parameters` works. Progress and the lines of
 `--verbose` go to stderr. `reconstruct --verbose` also prints the table of values and every
 [finding](findings.md) below its first screen."""
+SHARED = "## Options of several commands"
 BELOW_THE_CODES = """\
-Bad input is told on stderr, a line for each complaint: file, row, column or key, what was found,
-what is wanted. Where an FMU failed, its own words and the parameters are told. The traceback of a
-fault is kept in `--out`, where that is there, else among the temporary files.
-[Interrupt and resume](../how-to/resume.md) tells what is kept."""
+Bad input is reported on stderr, a line for each error: file, row, column or key, what was found,
+what is required. Where an FMU failed, its own words and the parameters are printed. The traceback
+of a fault is kept in `--out`, where that exists, else among the temporary files.
+[Interrupt and resume](../how-to/resume.md) lists what is kept."""
 
 
 def page() -> str:
-    """The page: a table of all commands, then each with its options."""
-    overview = [(f"[`{name}`](#{name})", does) for name, does in COMMANDS.items()]
-    parts = [INTRODUCTION, table(("command", "does"), overview)]
-    return "\n\n".join([*parts, *map(_command, COMMANDS)])
+    """The page: what several commands take, then each command with its own options."""
+    options = {name: dict(map(_option, _actions(name))) for name in COMMANDS}
+    count = Counter(option for command in options.values() for option in command.items())
+    shared = {option for option, number in count.items() if number > 1}
+    everywhere = [key for (key, _), number in count.items() if number == len(COMMANDS)]
+    listed = (f"- {key}{text}" for key, text in count if (key, text) in shared)
+    parts = [INTRODUCTION, SHARED, "\n".join(listed)]
+    parts.append(f"Every command has {', '.join(everywhere)}.")
+    for name, command in options.items():
+        module = command_of(name)
+        doc = inspect.cleandoc(module.__doc__ or "").replace("``", "`").partition(": ")[2]
+        parts += [f"## {name}", escaped(doc[0].upper() + doc[1:]), f"    {module.EXAMPLE}"]
+        own = (f"- {key}{text}" for key, text in command.items() if (key, text) not in shared)
+        parts.append("\n".join(own))
+        more = [key for key, text in command.items() if (key, text) in shared]
+        more = [re.sub(r" [^`]+", "", key) for key in more if key not in everywhere]
+        parts.append(f"Also {', '.join(more)}." if more else "")
+    return "\n\n".join(part for part in parts if part)
 
 
 def exit_codes_page() -> str:
@@ -39,24 +56,14 @@ def exit_codes_page() -> str:
     return "\n\n".join(["# Exit codes", table(("exit code", "meaning"), rows), BELOW_THE_CODES])
 
 
-def _command(name: str) -> str:
-    module = command_of(name)
+def _actions(name: str) -> list[argparse.Action]:
     parser = argparse.ArgumentParser(prog=f"fmu-fit {name}", add_help=False)
-    add_options(parser, module)
-    told = escaped(inspect.cleandoc(module.__doc__ or "").replace("``", "`"))
-    rows = [
-        (_spelled(action), _meaning(action), _usual(action))
-        for action in parser._actions
-        if action.help is not argparse.SUPPRESS
-    ]
-    parts = [f"## {name}", told, f"    {module.EXAMPLE}"]
-    if rows:
-        parts.append(table(("argument", "meaning", "default"), rows))
-    return "\n\n".join(parts)
+    add_options(parser, command_of(name))
+    return [action for action in parser._actions if action.help is not argparse.SUPPRESS]
 
 
-def _spelled(action: argparse.Action) -> str:
-    """An option with what follows it, or the name of an argument."""
+def _option(action: argparse.Action) -> tuple[str, str]:
+    """An option with what follows it, or an argument; and what it means."""
     if action.choices is not None:
         value = f"{{{','.join(map(str, action.choices))}}}"
     elif isinstance(action.metavar, tuple):
@@ -67,19 +74,10 @@ def _spelled(action: argparse.Action) -> str:
         value = ""
     elif action.nargs in ("+", "*"):
         value = f"{value} ..."
-    names = ", ".join(action.option_strings)
-    return code(f"{names} {value}".strip())
-
-
-def _meaning(action: argparse.Action) -> str:
     values = {name: value for name, value in vars(action).items() if value is not None}
-    return (action.help or "") % values if "%" in (action.help or "") else action.help or ""
-
-
-def _usual(action: argparse.Action) -> str:
-    usual = action.default
-    if action.required or (not action.option_strings and action.nargs not in ("?", "*")):
-        return "required"
-    if usual is None or usual is argparse.SUPPRESS or usual in (False, (), []) or action.nargs == 0:
-        return ""
-    return code(str(usual))
+    text = escaped((action.help or "") % values if "%" in (action.help or "") else action.help)
+    if action.required and action.option_strings:
+        text += " (required)"
+    elif action.default and str(action.default) not in text:
+        text += f" ({action.default})"
+    return code(f"{', '.join(action.option_strings)} {value}".strip()), f": {text}"

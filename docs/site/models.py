@@ -2,65 +2,78 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import build_fmu
-from docs.site.markdown import code, escaped, table
+from docs.site.markdown import code, escaped
 from fitting.fmu.description import FmuDescription, FmuVariable, read_description
 
-#: Columns; an output has neither start value nor range.
-HEAD: tuple[str, ...] = ("variable", "meaning", "unit", "start", "range")
 MODELS = ("CoupledOscillator", "DuffingOscillator", "CoupledModes2")
+TITLES = {"parameter": "Parameters", "input": "Inputs", "output": "Outputs"}
 INTRODUCTION = """\
 # FMU variables
 
-What the models of this project declare in their `modelDescription.xml`; an FMU with other
-numbers of modes (`python build_fmu.py --model CoupledModes --modes 3`) has the variables of
-`CoupledModes2` for each mode and pair. [The model](../explanation/model.md) has the equations."""
+What the models of this project declare in their `modelDescription.xml`, with unit, start value and
+range; an FMU with other numbers of modes (`python build_fmu.py --model CoupledModes --modes 3`) has
+the variables of `CoupledModes2` for each mode and pair. What several variables mean alike is
+described of the first one. [The model](../explanation/model.md) has the equations."""
+#: What differs between variables that mean alike: numbers, and the signs of two modes.
+DIFFERENT = re.compile(r"\d+|plus|minus")
 
 
 def page() -> str:
     """The page: parameters, inputs and outputs of each model."""
-    parts = [INTRODUCTION]
+    parts, described = [INTRODUCTION], dict[str, str]()
     with tempfile.TemporaryDirectory() as folder:
         for name in MODELS:
-            described = read_description(build_fmu.build(name, Path(folder)))
-            parts += [f"## {name}", escaped(described.description), *_tables(described)]
+            model = read_description(build_fmu.build(name, Path(folder)))
+            parts += [f"## {name}", escaped(model.description), *_lists(model, described)]
     return "\n\n".join(parts)
 
 
-def _tables(described: FmuDescription) -> list[str]:
-    parts = []
-    for causality, title in (
-        ("parameter", "Parameters"),
-        ("input", "Inputs"),
-        ("output", "Outputs"),
-    ):
-        chosen = [v for v in described.variables.values() if v.causality == causality]
-        if chosen:
-            head = HEAD[:3] if causality == "output" else HEAD
-            rows = [_row(variable)[: len(head)] for variable in chosen]
-            parts += [f"### {title} of {described.model_name}", table(head, rows)]
-    return parts
+def _lists(model: FmuDescription, described: dict[str, str]) -> Iterator[str]:
+    """Variables by causality; of those that an earlier model describes the names alone."""
+    earlier = dict(described)
+    for causality, title in TITLES.items():
+        alike = dict[tuple[str, ...], list[FmuVariable]]()
+        names = []
+        for variable in model.variables.values():
+            if variable.causality != causality:
+                continue
+            text = f"{_facts([variable])}{variable.description}"
+            if earlier.get(variable.name) == text:
+                names.append(code(variable.name))
+                continue
+            described[variable.name] = text
+            form = (DIFFERENT.sub("#", variable.name), DIFFERENT.sub("#", variable.description))
+            alike.setdefault(form, []).append(variable)
+        lines = [
+            f"- {', '.join(code(v.name) for v in group)}{_facts(group)}: "
+            f"{escaped(group[0].description)}"
+            for group in alike.values()
+        ]
+        lines += [f"- {', '.join(names)}: as above"] if names else []
+        if lines:
+            yield f"{title}:"
+            yield "\n".join(lines)
 
 
-def _row(variable: FmuVariable) -> tuple[str, ...]:
-    if variable.min is None and variable.max is None:
-        room = ""
-    elif variable.max is None:
-        room = f"from {variable.min:g}"
-    elif variable.min is None:
-        room = f"to {variable.max:g}"
+def _facts(group: Sequence[FmuVariable]) -> str:
+    """Unit, start values and range of variables that mean alike, in brackets."""
+    first = group[0]
+    starts = dict.fromkeys(str(variable.start).lower() for variable in group)
+    least, most = first.min, first.max
+    if most is not None:
+        extent = f"{least:g} to {most:g}"
     else:
-        room = f"{variable.min:g} to {variable.max:g}"
-    start = variable.start
-    shown = (
-        str(start).lower()
-        if isinstance(start, bool)
-        else f"{start:.12g}"
-        if isinstance(start, float)
-        else str(start if start is not None else "")
-    )
-    kind = "" if variable.kind == "Real" else f" ({variable.kind})"
-    return (code(variable.name), variable.description + kind, variable.unit or "", shown, room)
+        extent = "" if least is None else f"from {least:g}"
+    facts = [
+        "" if first.kind == "Real" else first.kind,
+        first.unit or "",
+        "" if first.causality == "output" else f"= {' and '.join(starts)}",
+        extent,
+    ]
+    return f" ({', '.join(fact for fact in facts if fact)})" if any(facts) else ""

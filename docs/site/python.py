@@ -1,35 +1,55 @@
-"""The public names of the package with their signatures and docstrings."""
+"""The public names of the package with their arguments and docstrings."""
 
 from __future__ import annotations
 
+import functools
 import inspect
+import json
 import re
 from collections.abc import Iterator
 from typing import Any
 
 import fitting
-from docs.site.markdown import table
+from docs.site.docstrings import parts_of
+from fitting.measurements.schema import campaign_schema
 
 INTRODUCTION = """\
 # Python
 
-Everything that the commands do is in `import fitting as ff`. Nothing else is promised.
-`help(ff.fit)` and `fmu-fit help python` print the same."""
-#: Headings of a docstring whose lines are names with what they mean.
-SECTIONS = ("Args:", "Attributes:", "Returns:", "Raises:")
+Everything that the commands do is in `import fitting as ff`. Nothing else is promised. Wrong input
+raises `BadInput`, an FMU that fails `FmuFailure`: `help(ff.fit)` lists when. An argument is
+described where it comes first, or with the key of its name in [campaign.toml](campaign.md); `help`
+describes it everywhere. A default shows the type. Fields of records that are returned are those of
+[Files of results](results.md)."""
+#: Tables of campaign.toml whose keys mean what arguments of these names mean.
+TABLES = {
+    "ComplexCurve": "complex_sweep",
+    "ControlSweep": "control_sweep",
+    "DemodulatedTrace": "demodulated_trace",
+    "Limits": "design",
+    "Noise": "noise",
+    "NoiseSpectrum": "noise_spectrum",
+    "Parameter": "parameters",
+    "Sweep": "sweep",
+    "Tikhonov": "continuation",
+    "Tones": "experiments",
+    "Trace": "trace",
+}
 #: Classes whose properties and methods are listed; `help` has those of the others.
 WITH_MEMBERS = ("Problem", "Fmu", "Value", "Fit", "Inference")
+#: Words of an argument's description from which it is not repeated.
+REPEATED = 4
 
 
 def page() -> str:
-    """The page: a table of all names, then each with its signature and docstring."""
+    """The page: links to all names, then each with its arguments and docstring."""
     names = [name for name in fitting.__all__ if not name.startswith("_")]
-    rows = [(f"[`ff.{name}`](#{_anchor(name)})", _summary(name)) for name in names]
-    parts = [INTRODUCTION, table(("name", "is"), rows)]
+    links = (f"[`{name}`](#{_anchor(name)})" for name in names)
+    parts, described = [INTRODUCTION, ", ".join(links)], dict[tuple[str, str], str]()
     for name in names:
         parts += [f'<a id="{_anchor(name)}"></a>', f"## ff.{name}"]
-        parts += _described(f"ff.{name}", getattr(fitting, name))
-    return "\n\n".join(parts)
+        parts += _described(f"ff.{name}", getattr(fitting, name), described)
+    return "\n\n".join(part for part in parts if part)
 
 
 def _anchor(name: str) -> str:
@@ -37,32 +57,37 @@ def _anchor(name: str) -> str:
     return f"{'class' if name[0].isupper() else 'function'}-{name.lower()}"
 
 
-def _summary(name: str) -> str:
-    return (inspect.getdoc(getattr(fitting, name)) or "").partition("\n\n")[0]
+def _described(name: str, value: Any, described: dict[tuple[str, str], str]) -> Iterator[str]:
+    """Docstring, arguments and public members of a class; the functions of a module.
 
-
-def _described(name: str, found: Any) -> Iterator[str]:
-    """Signature, docstring and public members of a class; the functions of a module."""
-    if inspect.ismodule(found):
-        yield _text(inspect.getdoc(found) or "")
-        for member in found.__all__:
+    Args:
+        name: as it is called.
+        value: has this name.
+        described: where an argument with a description was listed first; is added to.
+    """
+    prose, sections = parts_of(value)
+    if inspect.ismodule(value):
+        yield re.sub(r"^\w+ {2,}.*\n?", "", prose, flags=re.MULTILINE).replace("\n\n\n", "\n\n")
+        for member in value.__all__:
             yield f"### {name}.{member}"
-            yield from _described(f"{name}.{member}", getattr(found, member))
+            yield from _described(f"{name}.{member}", getattr(value, member), described)
         return
-    is_exception = inspect.isclass(found) and issubclass(found, Exception)
-    if not is_exception:
-        yield f"```python\n{name}{_signature(found)}\n```"
-    yield _text(inspect.getdoc(found) or "")
-    if not inspect.isclass(found) or found.__name__ not in WITH_MEMBERS:
+    yield prose
+    if "Args" in sections or not inspect.isclass(value):
+        yield _arguments(name, value, dict(sections.get("Args", ())), described)
+    yield "\n".join(f"- `{key}`: {text}" for key, text in sections.get("Attributes", ()))
+    if not inspect.isclass(value):
+        kind = _type(inspect.signature(value).return_annotation)
+        text = "".join(f": {text}" for _, text in sections.get("Returns", ()))
+        yield f"Returns `{kind}`{text or '.'}" if kind != "None" else ""
+    if not inspect.isclass(value) or value.__name__ not in WITH_MEMBERS:
         return
-    members = _members(found)
-    properties = [(n, inspect.getdoc(v) or "") for n, v in members if not callable(v)]
-    if properties:
-        rows = ((f"`{n}`", doc.partition("\n\n")[0].replace("``", "`")) for n, doc in properties)
-        yield table(("attribute", "is"), rows)
-    for member, value in members[len(properties) :]:
+    members = _members(value)
+    properties = [(n, parts_of(v)[0].partition("\n\n")[0]) for n, v in members if not callable(v)]
+    yield "\n".join(f"- `{key}`: {text}" for key, text in properties)
+    for member, inner in members[len(properties) :]:
         yield f"### {name}.{member}"
-        yield from _described(f"{name}.{member}", value)
+        yield from _described(f"{name}.{member}", inner, described)
 
 
 def _members(kind: type) -> list[tuple[str, Any]]:
@@ -83,43 +108,55 @@ def _members(kind: type) -> list[tuple[str, Any]]:
     return sorted(members, key=lambda each: callable(each[1]))
 
 
-def _signature(found: Any) -> str:
-    """The signature as it is written, types without their modules."""
-    try:
-        signature = inspect.signature(found)
-    except ValueError:
-        return ""
-    text = re.sub(r"(: |-> )'([^']*)'", r"\1\2", str(signature))
-    text = re.sub(r"<factory>|<class \S+>|<function .*? at \w+>", "...", text)
-    text = re.sub(r"\b(?:[a-z_]+\.)+([A-Za-z]\w*)", r"\1", text)
-    text = text.removesuffix(" -> None").replace("(self, ", "(").replace("(self)", "()")
-    if len(text) <= 80:
-        return text
-    inside, arrow, returns = text.rpartition(") -> ")
-    if not arrow:
-        inside, returns = text.removesuffix(")"), ""
-    arguments = re.split(r", (?![^\[(]*[\])])", inside.removeprefix("("))
-    lines = "".join(f"    {argument},\n" for argument in arguments)
-    return f"(\n{lines})" + (f" -> {returns}" if returns else "")
-
-
-def _text(doc: str) -> str:
-    """A docstring as a page has it: sections as lists, formulas as they are indented."""
-    made: list[str] = []
-    section = False
-    for line in doc.splitlines():
-        row = re.fullmatch(r"(\w+) {2,}(.+)", line)
-        item = re.match(r"    (\*{0,2}\w+(?:, \w+)*): (.*)", line)
-        if line in SECTIONS:
-            section = True
-            made += [f"**{line.removesuffix(':')}**", ""]
-        elif section and item:
-            made.append(f"- `{item[1].lstrip('*')}`: {item[2].replace('``', '`')}")
-        elif section and line.startswith("    "):
-            made.append(f"  {line.strip()}".replace("``", "`"))
-        elif row:
-            made.append(f"- `{row[1]}`: {row[2]}")
+def _arguments(
+    name: str, value: Any, texts: dict[str, str], described: dict[tuple[str, str], str]
+) -> str:
+    """A line for each argument; those by keyword that were described before are on the last."""
+    table = TABLES.get(name.removeprefix("ff."), "")
+    keys = _keys().get(table, ())
+    lines = list[str]()
+    before = dict[str, list[str]]()
+    for key, parameter in inspect.signature(value).parameters.items():
+        if key == "self":
+            continue
+        text = texts.get(key, "")
+        first = described.setdefault((key, text), f"`{name}`")
+        if key in keys:
+            first = f"[campaign.toml](campaign.md#{table})"
+        is_repeated = first != f"`{name}`" and len(text.split()) >= REPEATED
+        if parameter.kind is not parameter.KEYWORD_ONLY:
+            lines.append(_argument(parameter, f"as of {first}." if is_repeated else text))
+        elif is_repeated:
+            before.setdefault(first, []).append(f"`{key}`")
         else:
-            section = section and not line.strip()
-            made.append(line.replace("``", "`"))
-    return "\n".join(made).strip()
+            lines += [] if "By keyword:" in lines else ["", "By keyword:", ""]
+            lines.append(_argument(parameter, text))
+    also = "; ".join(f"as of {first}: {', '.join(keys)}" for first, keys in before.items())
+    word = "Also" if "By keyword:" in lines else "By keyword,"
+    return "\n".join([*lines, "", f"{word} {also}." if also else ""]).strip()
+
+
+@functools.cache
+def _keys() -> dict[str, frozenset[str]]:
+    """The keys of each table of campaign.toml."""
+    tables = json.loads(campaign_schema())["properties"]
+    inner = {name: table.get("items", table) for name, table in tables.items()}
+    return {name: frozenset(table.get("properties", ())) for name, table in inner.items()}
+
+
+def _argument(parameter: inspect.Parameter, text: str) -> str:
+    """An argument with its type, or a default that shows it, and its description."""
+    usual, kind = parameter.default, _type(parameter.annotation)
+    if usual is None:
+        kind = f": {kind.removesuffix(' | None')} = None"
+    elif usual is parameter.empty or re.match(r"<factory>|<class |<function ", repr(usual)):
+        kind = f": {kind}{'' if usual is parameter.empty else ' = ...'}"
+    else:
+        kind = ("" if type(usual).__name__ == kind else f": {kind}") + f" = {usual!r}"
+    return f"- `{parameter.name}{kind}`: {text}"
+
+
+def _type(annotation: Any) -> str:
+    """A type as it is written, without modules."""
+    text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+    return re.sub(r"\b(?:[a-z_]+\.)+([A-Za-z]\w*)", r"\1", text)

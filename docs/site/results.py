@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-import inspect
+import functools
 import types
 import typing
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from docs.site.markdown import code, escaped, table
+from docs.site.docstrings import parts_of
+from docs.site.markdown import code, escaped
 from fitting.design.result import Design, Ways
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.lines import record as line_record
@@ -22,6 +24,7 @@ from fitting.result.result import Result
 from fitting.text import old_names
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import Verdict
+from fitting.text.finding import Kind
 from fitting.text.schema import words_below_fields
 
 INTRODUCTION = """\
@@ -30,9 +33,11 @@ INTRODUCTION = """\
 `reconstruct` writes `result.json`, `identify` writes `identify.json`, `design` writes
 `design.json`, or `ways.json` where kinds are compared, `posterior` writes `posterior.json`: the
 records below, key by key. A number that does not exist is `null`, an infinite one `"inf"`; numbers
-keep all their digits. [Files under `--out`](files.md) lists what else is written,
-[Findings](findings.md) every kind of finding, and
-[What the data determine](../explanation/what-data-determine.md) explains the verdicts."""
+keep all their digits. What a key holds is in brackets.
+[result.schema.json](result.schema.json) has all of result.json as a JSON Schema,
+[Files under `--out`](files.md) lists what else is written, [Findings](findings.md) every kind of
+finding, and [What the data determine](../explanation/what-data-determine.md) explains the
+verdicts."""
 ROOTS: tuple[tuple[str, type[Any]], ...] = (
     ("result.json", Result),
     ("identify.json", Identification),
@@ -54,13 +59,17 @@ OLD_KEYS = """\
 `result.json` of 0.2.0 (schema 1) is read. In Python the old names work until 0.4, with a warning;
 `q`, `amplitude`, `power`, `rms` and qualities of a dip work as numbers until then, with a warning.
 A number of a line is a value with `value`, `std`, `ci95` and `unit`; its keys that only fits use
-are left out.
+are left out: `frequency_hz`, `frequency_std_hz` and `frequency_ci95_hz` are `frequency.value`,
+`frequency.std` and `frequency.ci95`, and likewise of every number.
 
 In schema 1 `knowledge.parameters` and `knowledge.derived` repeated the numbers of every value. Now
 these are in `parameters` and `derived` alone, and the points of its profile (`values`,
 `delta_chi2`, `path`) with `sigma` and `held` in `knowledge.scans`. `bars` and `precision` follow
 from `ci68` and `ci95`, `knowledge.findings` are among the `findings`."""
 PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "anything"}
+PLURAL = {"number": "numbers", "text": "texts", "whole number": "whole numbers"}
+#: Words of an enumeration that are listed, at most; the schema has those of longer ones.
+MOST_WORDS = 13
 
 
 def page() -> str:
@@ -68,31 +77,44 @@ def page() -> str:
     parts, seen = [INTRODUCTION], set[Any]()
     for name, root in ROOTS:
         parts.append(f"## {name}")
-        for record in _records(root):
-            if record in seen:
-                continue
-            seen.add(record)
-            if record is not root:
-                parts.append(f"### {_anchor(record)}")
-            parts += [_told(record), _fields(record)]
+        for record in _with_bases(_records(root)):
+            if record not in seen:
+                seen.add(record)
+                parts += [] if record is root else [f"### {record.__name__}"]
+                parts += _described(record)
     parts.append(OLD_KEYS)
     for name, renamed in RENAMED:
-        rows = [(code(old), code(new)) for old, new in renamed.items()]
-        parts += [f"Of {name}:", table(("0.2.0", "now"), rows)]
-    return "\n\n".join(parts)
+        by_key = dict[str, list[str]]()
+        for old, new in renamed.items():
+            owner, _, part = new.partition(".")
+            if part not in ("value", "std", "ci95") or not old.startswith(f"{owner}_"):
+                by_key.setdefault(new, []).append(code(old))
+        rows = (f"{', '.join(old)} → {code(new)}" for new, old in by_key.items())
+        parts.append(f"Of {name}: {'; '.join(rows)}.")
+    return "\n\n".join(part for part in parts if part)
 
 
-def _records(record: type[Any]) -> Iterator[type[Any]]:
-    """A record and all that it holds, each once, in the order in which they are met."""
-    met, waiting = {record: None}, [record]
-    while waiting:
-        hints = typing.get_type_hints(waiting.pop(0))
-        for field_kind in hints.values():
-            for kind in _inside(field_kind):
-                if dataclasses.is_dataclass(kind) and kind not in met:
-                    met[typing.cast(type[Any], kind)] = None
-                    waiting.append(typing.cast(type[Any], kind))
-    return iter(met)
+def _records(record: type[Any]) -> list[type[Any]]:
+    """A record and all that it holds, each once and behind the one that it is derived from."""
+    met = [record]
+    for kind in met:  # which grows
+        held = [each for hint in typing.get_type_hints(kind).values() for each in _inside(hint)]
+        met += [
+            each
+            for each in dict.fromkeys(held)
+            if dataclasses.is_dataclass(each) and each not in met
+        ]
+    return met
+
+
+@functools.cache
+def _bases() -> set[type[Any]]:
+    """Records that several others are derived from; one that is derived alone has its keys."""
+    held = {record for _, root in ROOTS for record in _records(root)}
+    count = Counter(base for record in held for base in record.__mro__[1:])
+    return {
+        kind for kind, n in count.items() if n > 1 and getattr(kind, "__dataclass_fields__", ())
+    }
 
 
 def _inside(kind: Any) -> Iterator[Any]:
@@ -101,24 +123,55 @@ def _inside(kind: Any) -> Iterator[Any]:
         yield from _inside(inner)
 
 
-def _anchor(record: type[Any]) -> str:
-    return record.__name__
+def _base(record: type[Any]) -> type[Any] | None:
+    """The nearest of these that a record is derived from."""
+    return next((base for base in record.__mro__[1:] if base in _bases()), None)
 
 
-def _told(record: type[Any]) -> str:
-    told = inspect.getdoc(record) or ""
-    # a dataclass without a docstring has one that depends on the version of Python
-    return "" if told.startswith(f"{record.__name__}(") else escaped(told)
+def _with_bases(records: list[type[Any]]) -> Iterator[type[Any]]:
+    """Records, and behind each the ones that it is derived from."""
+    for record in records:
+        kind: type[Any] | None = record
+        while kind is not None:
+            yield kind
+            kind = _base(kind)
 
 
-def _fields(record: type[Any]) -> str:
+def _own(record: type[Any]) -> list[dataclasses.Field[Any]]:
+    """The fields of a record that the one that it is derived from has not, or of another kind."""
+    base = _base(record)
+    inherited = {} if base is None else typing.get_type_hints(base)
     hints = typing.get_type_hints(record)
-    words = words_below_fields(record)
-    names = [field.name for field in dataclasses.fields(record)]
-    if not any(name in words for name in names):
-        return table(("key", "holds"), ((code(name), _word(hints[name])) for name in names))
-    rows = ((code(name), _word(hints[name]), words.get(name, "")) for name in names)
-    return table(("key", "holds", "meaning"), rows)
+    fields = dataclasses.fields(record)
+    return [each for each in fields if inherited.get(each.name) != hints[each.name]]
+
+
+def _described(record: type[Any]) -> Iterator[str]:
+    """What a record is, its keys with a meaning a line each, then the others by kind."""
+    prose, sections = parts_of(record)
+    # a dataclass without a docstring has one that depends on the version of Python
+    yield "" if prose.startswith(f"{record.__name__}(") else escaped(prose)
+    listed = [*sections.get("Args", ()), *sections.get("Attributes", ())]
+    words = words_below_fields(record) | {
+        name: text for names, text in listed for name in names.split(", ")
+    }
+    hints = typing.get_type_hints(record)
+    base = _base(record)
+    lines = [f"All keys of {_word(base)}, and:"] if base else []
+    by_kind = dict[str, list[str]]()
+    for field in _own(record):
+        kind = _word(hints[field.name])
+        if text := words.get(field.name):
+            lines.append(f"- `{field.name}` ({kind}): {escaped(text)}")
+        else:
+            by_kind.setdefault(kind, []).append(code(field.name))
+    if lines[1:] or not base:
+        yield "\n".join(lines).replace("and:\n", "and:\n\n")
+    rest = "; ".join(f"{', '.join(names)} ({kind})" for kind, names in by_kind.items())
+    if base and not lines[1:]:
+        yield f"All keys of {_word(base)}{', and ' * bool(rest)}{rest}."
+    elif rest:
+        yield f"{'Also' if lines else 'Keys:'} {rest}."
 
 
 def _word(kind: Any) -> str:
@@ -127,28 +180,29 @@ def _word(kind: Any) -> str:
         return PLAIN[kind]
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if kind == Scalar:
-        return "a plain value"
+        return "plain value"
     if origin in (typing.Union, types.UnionType):
         words = [_word(each) for each in inner if each is not type(None)]
         return " or ".join(dict.fromkeys([*words, *(["`null`"] if type(None) in inner else [])]))
     if origin is tuple:
+        word = _word(inner[0])
         if inner[-1] is Ellipsis:
-            return f"list of {_plural(inner[0])}"
-        return f"[{', '.join(map(_word, inner))}]"
+            return f"list of {PLURAL.get(word, word)}"
+        return f"two {PLURAL.get(word, f'of {word}')}"
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return f"object: name to {_word(inner[1])}"
-    if origin is typing.Literal:
-        return ", ".join(code(f'"{word}"') for word in inner)
+        return f"by name: {_word(inner[1])}"
+    if kind is Kind:
+        return "a kind of [findings](findings.md)"
     if isinstance(kind, type) and issubclass(kind, Verdict):
         return "a verdict"
+    names = list(inner) if origin is typing.Literal else []
     if isinstance(kind, type) and issubclass(kind, enum.Enum):
-        return ", ".join(code(f'"{member.value}"') for member in kind)
+        names = [member.value for member in kind]
+    if names:
+        return (
+            ", ".join(code(f'"{name}"') for name in names) if len(names) <= MOST_WORDS else "a word"
+        )
     if dataclasses.is_dataclass(kind):
-        name = _anchor(typing.cast(type[Any], kind))
+        name = typing.cast(type[Any], kind).__name__
         return f"[{name}](#{name.lower()})"
     return code(getattr(kind, "__name__", str(kind)))
-
-
-def _plural(kind: Any) -> str:
-    word = _word(kind)
-    return {"number": "numbers", "text": "texts", "whole number": "whole numbers"}.get(word, word)
