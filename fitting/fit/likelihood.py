@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -254,7 +255,10 @@ class LikelihoodEvaluator:
             raise Exhausted
         fold, none = self.likelihood.folded, itertools.repeat(np.empty(0))
         xs = [fold(x) for request in requests if request.rows for x in request.xs]
-        rows = iter(answered_apart(self._evaluated, xs, self._failed) if xs else [])
+        both = [request for request in requests if request.rows and request.outputs]
+        read = {fold(x).tobytes() for request in both for x in request.xs}
+        ask = partial(self._evaluated, read=read if self.likelihood.names else set())
+        rows = iter(answered_apart(ask, xs, self._failed) if xs else [])
         outputs = iter(self._outputs([fold(x) for r in requests if r.outputs for x in r.xs]))
         samples = []
         for request in requests:
@@ -293,10 +297,11 @@ class LikelihoodEvaluator:
         """What counts against the limit so far."""
         return self.runs or self.evaluations
 
-    def _evaluated(self, xs: Sequence[FloatArray]) -> list[FloatArray]:
+    def _evaluated(self, xs: Sequence[FloatArray], read: Collection[bytes]) -> list[FloatArray]:
         self.evaluations += len(xs)
         self._tell()
-        points = evaluate_many(self.likelihood.objective, xs)
+        places = [k for k, x in enumerate(xs) if x.tobytes() in read]
+        points = evaluate_many(self.likelihood.objective, xs, read=places)
         self.answered += len(points)
         self.runs += sum(point.runs for point in points)
         return [self.likelihood.rows(point) for point in points]

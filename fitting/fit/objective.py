@@ -25,7 +25,7 @@ derived outputs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -34,7 +34,7 @@ import numpy.typing as npt
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.measurements.dataset import Dataset
-from fitting.measurements.measurement import Evaluation, Response, Values
+from fitting.measurements.measurement import Evaluation, ReadingResponse, Response, Values
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
@@ -316,19 +316,28 @@ def answered_apart(
 
 
 def evaluate_many(
-    objective: Objective, xs: Sequence[FloatArray], *, whole: bool = False
+    objective: Objective,
+    xs: Sequence[FloatArray],
+    *,
+    whole: bool = False,
+    read: Collection[int] = (),
 ) -> list[Point]:
     """Points at several search vectors, in one batch of simulations.
 
     `whole`: with a prediction of everything that was measured, also of what the fit needs not.
+    Derived outputs at the vectors of some numbers, `read`, cost less afterwards.
 
     Args:
         objective: rows, parameters and weights.
         xs: search vectors, (n,) each.
         whole: whether everything is wanted that reports show, not residuals only.
+        read: numbers of the vectors at which derived outputs are wanted, too.
     """
-    ps = [to_model(objective.parameters, x) for x in xs]
-    answers = objective.response.evaluate_many(ps, whole=whole)
+    ps, response = [to_model(objective.parameters, x) for x in xs], objective.response
+    if read and isinstance(response, ReadingResponse):
+        answers = response.evaluate_and_read(ps, read)
+    else:
+        answers = response.evaluate_many(ps, whole=whole)
     return [_point(objective, x, answer) for x, answer in zip(xs, answers, strict=True)]
 
 

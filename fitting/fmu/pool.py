@@ -318,7 +318,8 @@ class FmuWorkers:
             self._kill(number)
         todo, position = job.todo[number], 0
         for i in todo[: reply.done]:
-            shape = (job.requests[i].rows, len(job.runs[i].outputs))
+            width = len(job.runs[i].outputs) + len(job.runs[i].initial)
+            shape = (job.requests[i].rows, width)
             size = shape[0] * shape[1]
             job.results[i] = reply.results[position : position + size].reshape(shape)
             position += size

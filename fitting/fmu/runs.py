@@ -151,8 +151,9 @@ class Run:
     t_0 (none if ``settle_s`` is 0) and one to every further sample; with it there are as many of
     ``input_signal.step_s`` as fit, which has to divide both times.
 
-    ``start_values`` are set before initialisation; ``outputs`` are read at every sample.
-    ``allow_nan``: an output that is not a finite number is handed back instead of being a failure.
+    ``start_values`` are set before initialisation; ``outputs`` are read at every sample, `initial`
+    ones once after initialisation, into columns behind those of the outputs; they need not be
+    finite numbers. ``allow_nan``: an output that is none is handed back instead of being a failure.
 
     ``handling``: how an instance is handled, where that is what is asked; None: as suits.
 
@@ -171,6 +172,7 @@ class Run:
     sample_step_s: float
     samples: int
     outputs: tuple[str, ...]
+    initial: tuple[str, ...] = ()
     start_time_s: float = 0.0
     input_signal: InputSignal | SampledSignal | None = None
     allow_nan: bool = False
@@ -311,13 +313,24 @@ class Group(NamedTuple):
     structural: bool = False
 
 
+class Gets(NamedTuple):
+    """Variables ``groups`` that are read, each into some ``columns`` of the result."""
+
+    groups: tuple[Group, ...]
+    columns: tuple[tuple[int, ...], ...]
+
+
 class Layout(NamedTuple):
-    """``sets`` before initialisation; ``gets`` at each sample, into ``columns`` of the result."""
+    """``sets`` before initialisation; ``gets`` at each sample, ``initial`` after initialisation.
+
+    ``names`` are those of all columns, of which ``width`` are read at each sample.
+    """
 
     sets: tuple[Group, ...]
-    gets: tuple[Group, ...]
-    columns: tuple[tuple[int, ...], ...]
-    outputs: tuple[str, ...]
+    gets: Gets
+    initial: Gets
+    names: tuple[str, ...]
+    width: int
     input: Group | None
     moved: Group | None = None
 
@@ -349,7 +362,7 @@ class RunRequest(NamedTuple):
         return self.samples + sum(segment.samples for segment in self.segments)
 
 
-_Key = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], str, bool]
+_Key = tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...], tuple[str, ...], str, bool]
 
 
 class RunRequests:
@@ -387,7 +400,8 @@ class RunRequests:
         """
         signal, handling = run.input_signal, run.handling
         inputs = signal.names if signal else ()
-        key = (tuple(run.start_values), run.outputs, inputs, run.moved, handling is not None)
+        names, moved = tuple(run.start_values), run.moved
+        key = (names, run.outputs, run.initial, inputs, moved, handling is not None)
         number = self._numbers.get(key)
         if number is None:
             number = self._add(key, run.start_values)
@@ -429,7 +443,7 @@ class RunRequests:
 
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:
         """A new layout; from now on all layouts set what it sets."""
-        names, outputs, inputs, moved, bare = key
+        names, outputs, initial, inputs, moved, bare = key
         for name in (*names, *inputs):
             if bare or name not in self._defaults:
                 start = self._settable(name).start
@@ -443,24 +457,30 @@ class RunRequests:
             if not fits or (isinstance(value, bool) and kind != "Boolean"):
                 raise self._bad(f"{name} = {value!r}, wanted a {kind}")
 
-        read = [self._description.variable(name) for name in outputs]
-        for variable in read:
-            if variable.kind not in ("Real", "Integer", "Boolean"):
-                what = f"{variable.name!r} is of type {variable.fmi_type}"
-                raise self._bad(f"{what}, wanted a number to read")
-        gets = _grouped(read)
         self.layouts.append(
             Layout(
                 sets=_grouped(self._whole_arrays(names if bare else (*names, *self._defaults))),
-                gets=gets,
-                columns=tuple(tuple(outputs.index(name) for name in g.names) for g in gets),
-                outputs=outputs,
+                gets=self._gets(outputs),
+                initial=self._gets(initial, len(outputs)),
+                names=(*outputs, *initial),
+                width=len(outputs),
                 input=self._inputs(inputs) if inputs else None,
                 moved=self._moved(moved) if moved else None,
             )
         )
         self._numbers[key] = len(self.layouts) - 1
         return self._numbers[key]
+
+    def _gets(self, names: tuple[str, ...], first: int = 0) -> Gets:
+        """Numbers that are read into columns of the result, the first one with that number."""
+        read = [self._description.variable(name) for name in names]
+        for variable in read:
+            if variable.kind not in ("Real", "Integer", "Boolean"):
+                what = f"{variable.name!r} is of type {variable.fmi_type}"
+                raise self._bad(f"{what}, wanted a number to read")
+        groups = _grouped(read)
+        columns = tuple(tuple(first + names.index(name) for name in g.names) for g in groups)
+        return Gets(groups, columns)
 
     def _settable(self, name: str) -> FmuVariable:
         variable = self._description.variable(name)

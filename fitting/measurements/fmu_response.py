@@ -10,7 +10,7 @@ What the runs of a failed evaluation did give is not simulated again (`KnownAnsw
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -23,8 +23,8 @@ from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation, Measurement
 from fitting.signal.window import tone_misfit
-from fitting.simulate.batch import Batch, Workers, answered, together
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.simulate.batch import Batch, Workers, answered, both, together
+from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
 
 #: Numbers that are kept, 8 bytes each; and failures.
@@ -119,12 +119,27 @@ def _copy(failure: FmuFailure) -> FmuFailure:
 def _run_key(run: Run) -> object:
     """What distinguishes a run from others."""
     times = (run.start_time_s, run.settle_s, run.sample_step_s, run.samples, run.longest_step_s)
-    rest = (run.outputs, run.input_signal, run.allow_nan, run.moved, run.segments)
+    rest = (run.outputs, run.initial, run.input_signal, run.allow_nan, run.moved, run.segments)
     return frozenset(run.start_values.items()), times, rest
 
 
 #: Values of derived outputs that are kept, 8 bytes each.
 MOST_VALUES = 500_000
+#: Names of outputs at one place, the run for each vector (k,), and start values of these runs.
+_Reading = tuple[tuple[str, ...], IntArray, list[dict[str, Scalar]]]
+
+
+def _by_name(
+    readings: Sequence[_Reading], answers: Iterator[FloatArray], count: int
+) -> list[dict[str, FloatArray]]:
+    """Outputs by name, (places,) each, for `count` vectors; the answers come run by run."""
+    result: list[dict[str, list[float]]] = [{} for _ in range(count)]
+    for names, group, starts in readings:
+        values = np.array([next(answers) for _ in starts])[group]
+        for outputs, row in zip(result, values, strict=True):
+            for name, value in zip(names, row, strict=True):
+                outputs.setdefault(name, []).append(value)
+    return [{name: np.array(values) for name, values in each.items()} for each in result]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,15 +180,34 @@ class FmuResponse:
             ps: parameter vectors (n,), each in its own unit.
             whole: whether everything is wanted that reports show, not residuals only.
         """
+        return self._answered(ps, (), whole=whole)
+
+    def evaluate_and_read(
+        self, ps: Sequence[FloatArray], places: Collection[int]
+    ) -> list[Evaluation]:
+        """The same, and derived outputs at some vectors in those runs, where runs begin as they do.
+
+        `derived_many` knows them then.
+
+        Args:
+            ps: parameter vectors (n,), each in its own unit.
+            places: numbers of those at which derived outputs are read, too.
+        """
+        return self._answered(ps, places)
+
+    def _answered(
+        self, ps: Sequence[FloatArray], places: Collection[int], *, whole: bool = False
+    ) -> list[Evaluation]:
         table = np.array([np.asarray(p, dtype=float) for p in ps])
+        read = [k for k in places if table[k].tobytes() not in self._read_already]
         try:
-            return self._evaluated(self.models, table, whole)
+            return self._evaluated(self.models, table, read, whole)
         except NoAnswer:
             raise
         except FmuFailure:
             if not any(model.plan.has_long_steps for model in self.models.values()):
                 raise
-        return self._evaluated(self._of_whole_runs, table, whole)  # it may have been these
+        return self._evaluated(self._of_whole_runs, table, read, whole)  # it may have been these
 
     @cached_property
     def _of_whole_runs(self) -> dict[str, DrivenModel]:
@@ -183,12 +217,14 @@ class FmuResponse:
         }
 
     def _evaluated(
-        self, models: Mapping[str, DrivenModel], table: FloatArray, whole: bool
+        self, models: Mapping[str, DrivenModel], table: FloatArray, read: Sequence[int], whole: bool
     ) -> list[Evaluation]:
         batch = Batch()
         tasks = [m.predict(models[m.series], table, batch, whole=whole) for m in self.measurements]
         with self._known.evaluation() as workers:
-            columns = answered(together(tasks), batch, workers)
+            task = both(together(tasks), self._read_along(table[read], batch))
+            columns, outputs = answered(task, batch, workers)
+        self._read_already.update(zip((table[k].tobytes() for k in read), outputs, strict=False))
         runs = batch.count(len(table))
         return [
             Evaluation(tuple(column[k] for column in columns), int(runs[k]), self._promised)
@@ -242,16 +278,54 @@ class FmuResponse:
         return [0]
 
     def _derived(self, ps: Sequence[FloatArray]) -> list[dict[str, FloatArray]]:
-        table = np.array([np.asarray(p, dtype=float) for p in ps])
-        answers: list[dict[str, list[FloatArray]]] = [{} for _ in ps]
+        readings = self._readings(np.array([np.asarray(p, dtype=float) for p in ps]))
+        runs = [
+            Run(
+                start_values=start,
+                settle_s=0.0,
+                sample_step_s=1.0,
+                samples=1,
+                outputs=names,
+                allow_nan=True,
+            )
+            for names, _, starts in readings
+            for start in starts
+        ]
+        answers = self.workers.run(runs)
+        self._output_runs[0] += len(runs)
+        return _by_name(readings, iter([answer[0] for answer in answers]), len(ps))
+
+    def _read_along(
+        self, table: FloatArray, batch: Batch
+    ) -> Generator[None, None, list[dict[str, FloatArray]]]:
+        """Derived outputs at some vectors, of runs that measurements ask for; none if one is not.
+
+        Args:
+            table: the vectors, (k, n).
+            batch: that the measurements have asked.
+        """
+        readings = self._readings(table) if table.size else []
+        runs = [batch.read_initial(at, names) for names, _, starts in readings for at in starts]
+        known = [k for k in runs if k is not None]
+        if len(known) < len(runs) or not runs:
+            return []
+        yield
+        return _by_name(readings, map(batch.initial, known), len(table))
+
+    def _readings(self, table: FloatArray) -> list[_Reading]:
+        """What derived outputs are read of, place by place.
+
+        Args:
+            table: parameter vectors, (k, n).
+        """
+        readings = []
         for series, places in self._places.items():
-            names = self.derived.get(series, ())
-            if names:
-                values = self._outputs(self.models[series], places, names, table)
-                for k, row in enumerate(values):
-                    for i, name in enumerate(names):
-                        answers[k].setdefault(name, []).append(row[:, i])
-        return [{name: np.concatenate(v) for name, v in a.items()} for a in answers]
+            names, model = self.derived.get(series, ()), self.models[series]
+            for label, settings in places if names else ():
+                first, group = model.groups(table, label)
+                starts = [model.values(table[k], label, settings) for k in first]
+                readings.append((names, group, starts))
+        return readings
 
     @cached_property
     def _places(self) -> dict[str, list[tuple[str, Mapping[str, Scalar]]]]:
@@ -265,32 +339,6 @@ class FmuResponse:
             index = np.linspace(0, len(every) - 1, math.ceil(share * len(every)))
             kept[series] = [every[round(k)] for k in index]
         return kept
-
-    def _outputs(
-        self,
-        model: DrivenModel,
-        places: Sequence[tuple[str, Mapping[str, Scalar]]],
-        names: tuple[str, ...],
-        table: FloatArray,
-    ) -> FloatArray:
-        """Values of outputs after initialisation, shape (rows of the table, places, names)."""
-        groups = [model.groups(table, label) for label, _ in places]
-        runs = [
-            Run(
-                start_values=model.values(table[k], label, settings),
-                settle_s=0.0,
-                sample_step_s=1.0,
-                samples=1,
-                outputs=names,
-                allow_nan=True,
-            )
-            for (label, settings), (first, _) in zip(places, groups, strict=True)
-            for k in first
-        ]
-        answers = iter(self.workers.run(runs))
-        self._output_runs[0] += len(runs)
-        columns = [np.array([next(answers)[0] for _ in first])[group] for first, group in groups]
-        return np.stack(columns, axis=1)
 
     def answering(self, measurements: tuple[Measurement, ...]) -> FmuResponse:
         """The same model, asked for these measurements.

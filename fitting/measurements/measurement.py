@@ -494,6 +494,22 @@ class DivisibleResponse(Response, Protocol):
 
 
 @runtime_checkable
+class ReadingResponse(Response, Protocol):
+    """A response that can read derived outputs in the runs of its measurements."""
+
+    def evaluate_and_read(
+        self, ps: Sequence[FloatArray], places: Collection[int]
+    ) -> list[Evaluation]:
+        """Predictions as `evaluate_many` gives them; `derived_many` costs less at some ps then.
+
+        Args:
+            ps: parameter vectors (n,), each in its own unit.
+            places: numbers of those at which derived outputs are read, too.
+        """
+        ...
+
+
+@runtime_checkable
 class PlacedResponse(Response, Protocol):
     """A response that can read derived outputs at fewer places than it was measured at."""
 

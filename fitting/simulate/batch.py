@@ -77,6 +77,7 @@ class Batch:
         self._index: dict[frozenset[tuple[str, Scalar]], dict[tuple[object, ...], int]] = {}
         self._runs: list[tuple[Mapping[str, Scalar], Variation]] = []
         self._outputs: list[tuple[str, ...]] = []
+        self._initial: dict[int, tuple[str, ...]] = {}
         self.owners: list[int] = []
         self._answers: list[FloatArray] = []
         self._phasors: dict[tuple[int, str, tuple[float, ...]], ComplexArray] = {}
@@ -134,6 +135,30 @@ class Batch:
             result.append(k)
         return result
 
+    def read_initial(self, values: Mapping[str, Scalar], outputs: tuple[str, ...]) -> int | None:
+        """Number of a run that begins so, in which outputs are read after initialisation, too.
+
+        None where there is none to be simulated: an input would be among what it begins with.
+
+        Args:
+            values: all of its start values, by name.
+            outputs: their names.
+        """
+        for k in self._index.get(frozenset(values.items()), {}).values():
+            own = self._runs[k][1]
+            if k >= len(self._answers) and not own.values and own.signal is None:
+                self._initial[k] = outputs
+                return k
+        return None
+
+    def initial(self, k: int) -> FloatArray:
+        """Outputs of a simulated run after initialisation, shape (outputs,).
+
+        Args:
+            k: number of the run that `read_initial` gave.
+        """
+        return np.asarray(self._answers[k][0, len(self._outputs[k]) :])
+
     def simulate(self, workers: Workers) -> None:
         """Run all that was asked for since the last call, in one batch.
 
@@ -147,13 +172,14 @@ class Batch:
                 sample_step_s=own.window.step_s,
                 samples=own.window.samples,
                 outputs=outputs,
+                initial=self._initial.get(k, ()),
                 input_signal=own.signal,
                 longest_step_s=own.window.longest_s,
                 moved=own.moved,
                 segments=own.segments,
             )
-            for (shared, own), outputs in islice(
-                zip(self._runs, self._outputs, strict=True), len(self._answers), None
+            for k, ((shared, own), outputs) in islice(
+                enumerate(zip(self._runs, self._outputs, strict=True)), len(self._answers), None
             )
         ]
         self._answers += workers.run(runs) if runs else []

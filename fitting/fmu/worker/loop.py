@@ -66,7 +66,7 @@ class Instances:
             self.has_failed = False
             self.free()
         if request.handled is None:
-            return self.reuse.run(self.layouts[request.layout].outputs, request, self)
+            return self.reuse.run(self.layouts[request.layout].names, request, self)
         before, freed = request.handled
         result = self.fresh(before or request)
         if before is not None:

@@ -87,7 +87,7 @@ class WorkerProcess:
         self._started, self._since = -1, time.monotonic()
         self.pulse.at_run = 0
         self._batches += 1
-        self._sizes = [r.rows * len(layouts[r.layout].outputs) for r in requests]
+        self._sizes = [r.rows * len(layouts[r.layout].names) for r in requests]
         self._hand_over((self._batches, layouts[self._layouts :], list(map(tuple, requests))))
         self._layouts = len(layouts)
 

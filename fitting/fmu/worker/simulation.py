@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from fitting.fmu.runs import (
+    Gets,
     Layout,
     RunRequest,
     SampledSignal,
@@ -37,6 +38,7 @@ class Binding(NamedTuple):
     layout: Layout
     sets: tuple[VariableAccess, ...]
     gets: tuple[VariableAccess, ...]
+    initial: tuple[VariableAccess, ...]
     input: VariableAccess | None
     moved: VariableAccess | None = None
 
@@ -51,7 +53,8 @@ def bind(fmu: FmuInstance, layout: Layout) -> Binding:
     return Binding(
         layout=layout,
         sets=tuple(fmu.access("Set", group) for group in layout.sets),
-        gets=tuple(fmu.access("Get", group) for group in layout.gets),
+        gets=tuple(fmu.access("Get", group) for group in layout.gets.groups),
+        initial=tuple(fmu.access("Get", group) for group in layout.initial.groups),
         input=fmu.access("Set", layout.input) if layout.input else None,
         moved=fmu.access("Set", layout.moved) if layout.moved else None,
     )
@@ -69,7 +72,7 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     unless ``request.allow_nan``, for an output that is not a finite number.
     """
     layout = binding.layout
-    result = np.empty((request.rows, len(layout.outputs)))
+    result = np.empty((request.rows, len(layout.names)))
     # structural parameters come first, in configuration mode
     configuring = False
     for group, access, values in zip(layout.sets, binding.sets, request.values, strict=True):
@@ -79,20 +82,24 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
         fmu.set(access, values)
     if configuring:
         fmu.call("ExitConfigurationMode")
-    read = _reader(fmu, binding, result)
+    read = _reader(fmu, layout.gets, binding.gets, result)
+    initial = _reader(fmu, layout.initial, binding.initial, result)
     fmu.enter_initialisation(request.start_time_s)
     if request.sampled is not None:
-        _stride_in_steps(fmu, binding.input, request, read)
+        _stride_in_steps(fmu, binding.input, request, read, initial)
     elif binding.input is None or fmu.follow(binding.input, request.tones):
         fmu.leave_initialisation()
+        initial(0)
         _stride(fmu, binding.moved, request, read)
     else:
-        _stride_in_steps(fmu, binding.input, _with_sampled_tones(request), read)
+        _stride_in_steps(fmu, binding.input, _with_sampled_tones(request), read, initial)
     fmu.terminate()
-    if not (request.allow_nan or np.count_nonzero(np.isfinite(result)) == result.size):
-        j, column = np.argwhere(~np.isfinite(result))[0]
+    result[1:, layout.width :] = result[0, layout.width :]
+    sampled = result[:, : layout.width]
+    if not (request.allow_nan or np.count_nonzero(np.isfinite(sampled)) == sampled.size):
+        j, column = np.argwhere(~np.isfinite(sampled))[0]
         at = row_times(request)[int(j)]
-        text = f"output {layout.outputs[column]} is {result[j, column]} at t = {at!r} s"
+        text = f"output {layout.names[column]} is {result[j, column]} at t = {at!r} s"
         raise CallFailed(fmu.with_log(text))
     return result
 
@@ -179,7 +186,11 @@ def _with_sampled_tones(request: RunRequest) -> RunRequest:
 
 
 def _stride_in_steps(
-    fmu: FmuInstance, inputs: VariableAccess | None, request: RunRequest, read: Reader
+    fmu: FmuInstance,
+    inputs: VariableAccess | None,
+    request: RunRequest,
+    read: Reader,
+    initial: Reader,
 ) -> None:
     """Steps of one length, with values of the inputs over each and at each sample.
 
@@ -195,6 +206,7 @@ def _stride_in_steps(
         last = next(observed) if lead == 0 else tuple(kept[0].tolist())
         assign(inputs, last)
     fmu.leave_initialisation()
+    initial(0)
     if lead == 0:
         read(0)
     else:
@@ -225,29 +237,30 @@ def _rows(table: FloatArray) -> Iterator[tuple[float, ...]]:
     return chain.from_iterable(zip(*table[k : k + BLOCK].T.tolist(), strict=True) for k in starts)
 
 
-def _reader(fmu: FmuInstance, binding: Binding, result: FloatArray) -> Reader:
-    """Function that reads all outputs into row j of the result."""
+def _reader(
+    fmu: FmuInstance, gets: Gets, accesses: Sequence[VariableAccess], result: FloatArray
+) -> Reader:
+    """Function that reads some outputs into row j of the result."""
     instance, check = fmu.instance, fmu.check
-    first, size = binding.gets[0], DOUBLE * len(binding.layout.gets[0].references)
-    groups = binding.layout.gets
+    groups = gets.groups
     single = len(groups) == 1 and not groups[0].size
-    if single and first.buffer._type_ is ctypes.c_double:
-        function, name, references, n, _, tail = first
+    if single and accesses[0].buffer._type_ is ctypes.c_double:
+        function, name, references, n, _, tail = accesses[0]
+        first, size = DOUBLE * gets.columns[0][0], result.strides[0]
         rows: Any = result  # numpy's arrays do offer the buffer that ctypes wants
         target = ctypes.c_double.from_buffer(rows)
 
         def read_doubles(j: int) -> None:
             # straight into the row, without a buffer in between
-            status = function(instance, references, n, ctypes.byref(target, size * j), *tail)
+            place = ctypes.byref(target, first + size * j)
+            status = function(instance, references, n, place, *tail)
             if status > WARNING:
                 check(status, name)
 
         return read_doubles
 
     def read_mixed(j: int) -> None:
-        for access, group, columns in zip(
-            binding.gets, groups, binding.layout.columns, strict=True
-        ):
+        for access, group, columns in zip(accesses, groups, gets.columns, strict=True):
             function, name, references, n, buffer, tail = access
             check(function(instance, references, n, buffer, *tail), name)
             values = [buffer[place] for place in group.places] if group.size else buffer
