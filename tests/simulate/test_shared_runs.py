@@ -5,6 +5,7 @@ Truth: the closed form of the two modes in `tests.closed_form`, and counting by 
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,6 +130,29 @@ def test_derived_outputs_are_read_once_at_each_place(swift_fmu: Path, tmp_path: 
     f1 = [np.hypot(c * plus, s * minus) for plus, minus in etas]
     assert found["f1"] == pytest.approx(f1, rel=1e-12)
     assert ends["f1"] == pytest.approx([f1[0], f1[2]], rel=1e-12)
+
+
+def test_derived_outputs_are_read_in_the_runs_of_the_peaks(swift_fmu: Path, tmp_path: Path) -> None:
+    """As many runs as for the peaks alone; lambda = NaN where theta has none is no failure."""
+    bound = campaign(tmp_path, swift_fmu)
+    other = P * [0.1, 1.0, 1.0]  # sin(2 theta) > 0: lambda is no real number
+    with FmuWorkers(swift_fmu, workers=1, reuse="never") as workers:
+        plain = through(workers, bound, drafted(bound), {"reflection": False})
+        counted = [workers.counts.runs]
+        alone, outputs = plain.evaluate_many([P, other]), plain.derived_many([P, other])
+        counted.append(workers.counts.runs)
+        response = replace(plain)  # knows nothing yet
+        both = response.evaluate_and_read([P, other], [0, 1])
+        read = response.derived_many([P, other])
+        counted.append(workers.counts.runs)
+    runs = np.diff(counted)
+    assert runs[0] - runs[1] == 6, "three places, a run each for two vectors, are left out"
+    assert math.isnan(read[1]["lambda"][0])
+    for one, same, here, there in zip(alone, both, outputs, read, strict=True):
+        assert one.runs == same.runs
+        assert np.array_equal(one.predictions[0].values, same.predictions[0].values)
+        for name, values in here.items():
+            assert np.array_equal(values, there[name], equal_nan=True)
 
 
 @pytest.mark.parametrize(
