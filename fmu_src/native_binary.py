@@ -104,11 +104,13 @@ class Toolchain:
 
 
 def toolchains(platforms: Sequence[str]) -> list[Toolchain]:
-    """Return the compilers for platforms, by zig; none named is this platform, by its own ``cc``.
+    """Return the compilers for platforms, by zig; none named is this one, by its own ``cc`` or zig.
 
     Raises ``BuildError`` for an unknown platform and where there is no compiler.
     """
     if not platforms:
+        if shutil.which("cc") is None and importlib.util.find_spec("ziglang") is not None:
+            return toolchains([THIS[sys.platform]])
         return [_own()]
     unknown = [name for name in platforms if name not in TARGETS]
     if unknown:
@@ -136,8 +138,8 @@ def _own() -> Toolchain:
     compiler = shutil.which("cc")
     if compiler is None or sys.platform not in THIS:
         raise BuildError(
-            "--native: there is no C compiler 'cc' here; wanted is one, or --platforms with the "
-            "package ziglang (pip install fmu-fit[native])"
+            "--native: there is no C compiler 'cc' here; wanted is one, or the package ziglang "
+            "(pip install fmu-fit[native])"
         )
     name = THIS[sys.platform]
     target = TARGETS[name]

@@ -132,12 +132,14 @@ class Fmu:
             cannot hold all of it is refused; or these limits.
         interface: By which it is run, "co-simulation" or "model-exchange", whose equations are
             integrated here; None: the first of these that it offers.
+        native: Whether a model of this project is compiled from C, where there is a compiler: the
+            same numbers, faster.
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - keywords that all have defaults
         self,
         source: str | Path,
         workers: int = 2,
@@ -145,11 +147,12 @@ class Fmu:
         timeout_name: str = "timeout_s",
         isolate: Isolate | Isolation = False,
         interface: str | None = None,
+        native: bool = False,
     ) -> None:
         if not isinstance(source, str | PathLike):
             raise BadInput(f"Fmu: found a {type(source).__name__}, wanted a path or a model's name")
         is_model = isinstance(source, str) and source.isidentifier()
-        self._model = str(source) if is_model else ""
+        self._model, self._native = str(source) if is_model else "", native
         path = self._built(self._model) if is_model else source
         isolation: Isolation | None = None
         if isolate is not False:
@@ -175,7 +178,7 @@ class Fmu:
     def _built(self, model: str) -> Path:
         scratch = Scratch()
         weakref.finalize(self, scratch.remove)
-        return provide_fmu(WrittenFmu(model=model), scratch.path)
+        return provide_fmu(WrittenFmu(model=model, native=self._native), scratch.path)
 
     @property
     def description(self) -> FmuDescription:

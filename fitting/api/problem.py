@@ -413,7 +413,12 @@ class Problem:
 
 
 def fmu_of(
-    campaigns: Sequence[Campaign], folder: str | Path, workers: int, *, isolate: Isolate = False
+    campaigns: Sequence[Campaign],
+    folder: str | Path,
+    workers: int,
+    *,
+    isolate: Isolate = False,
+    native: bool = False,
 ) -> Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder.
 
@@ -422,11 +427,13 @@ def fmu_of(
         folder: Where it is built.
         workers: Number of processes, at least 1.
         isolate: Whether they run isolated, see `Fmu`.
+        native: Whether a model is compiled, whatever the campaigns state.
 
     Raises:
         BadInput: they name different ones, or one that is not there.
     """
     named = one_fmu(campaigns)
+    named = replace(named, native=named.native or (native and named.model is not None))
     path = provide_fmu(named, Path(folder))
     return Fmu(path, workers, named.timeout_s, isolate=isolate, interface=named.interface)
 
@@ -442,7 +449,7 @@ def named_fmu(named: WrittenFmu, workers: int = 2) -> Fmu:
         BadInput: no such file or model, or no FMU that this machine can run.
     """
     source = named.file or str(named.model)
-    return Fmu(source, workers, named.timeout_s, interface=named.interface)
+    return Fmu(source, workers, named.timeout_s, interface=named.interface, native=named.native)
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:

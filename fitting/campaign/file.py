@@ -78,6 +78,9 @@ class WrittenFmu(Keys):
     """A model of this project, built on demand; either this or file."""
     file: FileName | None = None
     """An FMU (FMI 2.0 or 3.0, co-simulation or model exchange)."""
+    native: Switch = False
+    """The model compiled from C in place of Python's: the same numbers, faster; without a compiler
+    (cc, or the package ziglang) Python's runs."""
     interface: Annotated[Text | None, OneOf(INTERFACES)] = None
     """By which it is run; without it by co-simulation where it offers that."""
     timeout_s: Positive = 60.0
@@ -90,6 +93,8 @@ class WrittenFmu(Keys):
     def __post_init__(self) -> None:
         if (self.model is None) == (self.file is None):
             raise Refused("wanted either 'model' or 'file'")
+        if self.native and self.model is None:
+            raise Refused("found true beside 'file', wanted a 'model', which is compiled", "native")
         for name in self.taken:
             if name not in self.start:
                 raise Refused(f"'{name}' has no start value in [fmu.start], wanted one", "taken")

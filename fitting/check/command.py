@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--report": value("also write a page, FOLDER/report.html", "FOLDER", Path),
         "--timeout": {"default": 60.0, "help": "longest run (60 s)"},
         **ISOLATE,
+        "--native": {},
     }
     declare(parser, options)
 

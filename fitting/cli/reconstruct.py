@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out": "folder for results (out/<campaign's folder>)",
         "--workers": {},
         **ISOLATE,
+        "--native": {},
         "--resume": "continue after the last finished level",
         "--accuracy": "wanted relative accuracy of simulated amplitudes (the campaign's)",
         "--external": several(external, "NAME=VALUE"),
@@ -86,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     # the work takes libraries along, help does not
     from fitting.api.examples import built_ahead
 
-    with built_ahead(args.campaign):
+    with built_ahead(args.campaign, native=args.native):
         from fitting.cli.running.reconstruction import reconstruct
 
         return reconstruct(args, _out(args), laps)

@@ -61,6 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--work": {},
         "--timeout": {"default": 60.0, "help": "longest run (60 s)"},
         **ISOLATE,
+        "--native": {},
     }
     declare(parser, options)
 

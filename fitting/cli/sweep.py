@@ -53,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--work": {},
         "--timeout": {"default": 600.0, "help": "longest run, that is all points one way (600 s)"},
         **ISOLATE,
+        "--native": {},
         "--out": {"required": True, "help": "folder for CSV file and figure"},
     }
     declare(parser, options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import subprocess
 import sys
@@ -19,8 +20,9 @@ from fitting.text.scratch import Scratch
 from fitting.text.toml import read_toml
 
 BUILDER = "build_fmu.py"
-#: Models that are built before they are asked for, by name.
-_ahead: dict[str, Future[Path]] = {}
+#: Models that are built before they are asked for, by name and whether they are compiled.
+_ahead: dict[tuple[str, bool], Future[Path]] = {}
+_log = logging.getLogger(__name__)
 
 
 class FmuSource(Protocol):
@@ -33,6 +35,10 @@ class FmuSource(Protocol):
     @property
     def file(self) -> Path | None:
         """Path of an FMU file."""
+
+    @property
+    def native(self) -> bool:
+        """Whether the model is compiled, where there is a compiler."""
 
 
 def provide_fmu(source: FmuSource, cache: Path) -> Path:
@@ -50,20 +56,22 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
     """
     if source.file is not None:
         return source.file
-    model = str(source.model)
+    model, native = str(source.model), source.native
     # in a thread, because an interrupt within a start of a process would leave that process running
     with Scratch() as folder, ThreadPoolExecutor(1) as thread:
-        built = (_ahead.get(model) or thread.submit(_build, model, folder)).result()
+        ahead = _ahead.get((model, native))
+        built = (ahead or thread.submit(_build, model, native, folder)).result()
         write_whole(cache / built.name, built.read_bytes())
         return cache / built.name
 
 
 @contextmanager
-def built_ahead(campaigns: Sequence[Path]) -> Iterator[None]:
+def built_ahead(campaigns: Sequence[Path], *, native: bool = False) -> Iterator[None]:
     """Build the models that campaigns name while whoever reads them loads; for `provide_fmu`.
 
     Args:
         campaigns: their files; who reads them finds what is wrong with one.
+        native: whether models are compiled, whatever the campaigns state.
 
     Raises:
         BadInput: no folder for temporary files.
@@ -72,11 +80,10 @@ def built_ahead(campaigns: Sequence[Path]) -> Iterator[None]:
     for path in campaigns:
         with suppress(BadInput):
             fmu = read_toml(path).get("fmu")
-            model = fmu.get("model") if isinstance(fmu, dict) else None
-            if model and isinstance(model, str):
-                models.add(model)
+            if isinstance(fmu, dict) and isinstance(fmu.get("model"), str):
+                models.add((fmu["model"], native or fmu.get("native") is True))
     with Scratch() as folder, ThreadPoolExecutor(1) as thread:
-        _ahead.update({model: thread.submit(_build, model, folder) for model in sorted(models)})
+        _ahead.update({each: thread.submit(_build, *each, folder) for each in sorted(models)})
         try:
             yield
         finally:
@@ -119,7 +126,12 @@ def rebuilt(
         return out / built.name
 
 
-def _build(model: str, folder: Path) -> Path:
+def _build(model: str, native: bool, folder: Path) -> Path:
+    if native:
+        try:
+            return _builder(["--native", "--model", model], folder)
+        except BadInput as error:  # the digits are those of Python's
+            _log.info("the model is not compiled, Python's runs: %s", error)
     try:
         return _builder(["--model", model], folder)
     except BadInput as error:

@@ -86,6 +86,7 @@ def provenance_of(
         },
         plan=(),
         start_values=_start_values(problem),
+        fmu_tool=description.generation_tool,
         finished=datetime.now(UTC).isoformat(timespec="seconds"),
     )
 

@@ -94,7 +94,8 @@ class Provenance:
     """Where the result comes from; `plan` and `notes` in sentences.
 
     `notes` are about the run, not about the result. `files`: path as seen from the campaign's
-    folder -> sha256. `start_values` are those of the FMU that were set next to the fitted ones.
+    folder -> sha256. `start_values` are those of the FMU that were set next to the fitted ones,
+    `fmu_tool` is what made its binary.
     """
 
     fmu_name: str
@@ -111,6 +112,7 @@ class Provenance:
     finished: str
     notes: tuple[str, ...] = ()
     start_values: Mapping[str, Scalar] = field(default_factory=dict)
+    fmu_tool: str = ""
 
 
 class Compared(Protocol):

@@ -59,7 +59,7 @@ def swiftly_built(factory: pytest.TempPathFactory) -> Iterator[None]:
     In this process: a command that is started beside it builds the Python FMU.
     """
 
-    def build(model: str, folder: Path) -> Path:
+    def build(model: str, native: bool, folder: Path) -> Path:
         return Path(shutil.copy(swift_model(model, factory), folder))
 
     with pytest.MonkeyPatch.context() as patch:

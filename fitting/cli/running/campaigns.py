@@ -25,6 +25,7 @@ def fmu_for(
     workers: int | None,
     *,
     isolate: bool | Literal["strict"] = False,
+    native: bool = False,
 ) -> Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder of the results.
 
@@ -33,13 +34,15 @@ def fmu_for(
         out: folder of the results.
         workers: processes, None for one per processor, up to 8.
         isolate: whether they run isolated.
+        native: whether a model is compiled, whatever the campaigns state.
 
     Raises:
         BadInput: they name different ones, or one that is not there.
     """
     from fitting.api.problem import fmu_of  # takes libraries along, help does not
 
-    return fmu_of(campaigns, out / "fmu", workers or default_workers(), isolate=isolate)
+    count = workers or default_workers()
+    return fmu_of(campaigns, out / "fmu", count, isolate=isolate, native=native)
 
 
 def fit_at(args: argparse.Namespace) -> Result | None:

@@ -37,7 +37,16 @@ RECORDED = (
     *("out", "workers", "accuracy", "misfit", "estimator", "seed", "starts", "bootstrap"),
     *("start", "style", "budget"),
 )
-FLAGS = ("quick", "no_path", "global_path", "no_profiles", "no_report", "isolate", "resume")
+FLAGS = (
+    "quick",
+    "no_path",
+    "global_path",
+    "no_profiles",
+    "no_report",
+    "isolate",
+    "native",
+    "resume",
+)
 #: What goes with the result that it belongs to.
 PASSING = (*RESULT_FILES, "fmu/*.fmu")
 
@@ -62,7 +71,7 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
         return _print_cost(args, campaigns)
     words = [NAME, *(path.as_posix() for path in args.campaign)]
     command = command_line(args, words, RECORDED, ("external", "formats"), FLAGS)
-    with fmu_for(campaigns, out, args.workers, isolate=args.isolate) as fmu:
+    with fmu_for(campaigns, out, args.workers, isolate=args.isolate, native=args.native) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         record, variables = problem.record, fmu.variables
         units = {p.name: p.unit for p in record.parameters if not p.experiments}
@@ -183,7 +192,7 @@ def _print_cost(args: argparse.Namespace, campaigns: Sequence[Campaign]) -> int:
     """What the job will cost; a model of this project is built where it does not stay."""
     with (
         Scratch() as folder,
-        fmu_for(campaigns, folder, args.workers, isolate=args.isolate) as fmu,
+        fmu_for(campaigns, folder, args.workers, isolate=args.isolate, native=args.native) as fmu,
         status_line(NAME, lambda: f"{fmu.workers.counts.runs} runs") as show,
     ):
         show("planning")

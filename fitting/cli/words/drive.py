@@ -36,12 +36,12 @@ def fmu_of(args: argparse.Namespace) -> ff.Fmu:
     """The FMU that a command is given, with one worker.
 
     Args:
-        args: of the command, with ``fmu``, ``interface``, ``timeout`` and ``isolate``.
+        args: of the command, with ``fmu``, ``interface``, ``timeout``, ``isolate``, ``native``.
 
     Raises:
         BadInput: no such file or model, or no FMU that this machine can run.
     """
-    how = {"isolate": args.isolate, "interface": args.interface}
+    how = {"isolate": args.isolate, "interface": args.interface, "native": args.native}
     return ff.Fmu(args.fmu, 1, args.timeout, "--timeout", **how)
 
 

@@ -252,6 +252,8 @@ SHARED: Options = {
         "dest": "isolate",
         "help": "the same, refused where this system cannot hold all of it",
     },
+    "--native": "compile a model of this project from C: the same numbers, faster (without a "
+    "compiler Python's runs)",
     "--settle": {"type": time_to_settle, "metavar": "TIME"},
     "--work": value(
         "steps of the FMU that a run may take, at most (2e6)", "STEPS", number_of_steps

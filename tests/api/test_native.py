@@ -1,0 +1,44 @@
+"""`[fmu] native` and `--native`: the compiled twin in place of the Python FMU."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fitting as ff
+from fitting.campaign.file import WrittenFmu
+from fitting.fmu.models import provide_fmu
+from fitting.text.schema import Refused
+
+MODEL = "CoupledOscillator"
+FREQUENCY_HZ = [6.9402e6, 6.9403e6]
+
+
+def swept(*, native: bool) -> tuple[list[float], str]:
+    """Amplitudes of two points, and what made the binary."""
+    with ff.Fmu(MODEL, 1, native=native) as fmu:
+        response = fmu.sweep(FREQUENCY_HZ, accuracy=1e-3)
+        return np.asarray(response.curves[0].amplitudes).tolist(), fmu.description.generation_tool
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_the_compiled_model_gives_the_same_numbers() -> None:
+    python, compiled = swept(native=False), swept(native=True)
+    assert python[0] == pytest.approx(compiled[0], rel=1e-11)
+    assert ("PythonFMU" in python[1], "C11" in compiled[1]) == (True, True)
+
+
+def test_without_a_compiler_the_model_is_that_of_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with ff.Fmu(provide_fmu(WrittenFmu(model=MODEL, native=True), tmp_path), 1) as fmu:
+        assert "PythonFMU" in fmu.description.generation_tool
+
+
+def test_a_file_is_not_compiled() -> None:
+    with pytest.raises(Refused):
+        WrittenFmu(file=Path("other.fmu"), native=True)
