@@ -10,18 +10,21 @@ from __future__ import annotations
 
 import argparse
 import re
-import shutil
 import sys
 import tempfile
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from PIL import Image
+
 import build_fmu
 from docs.site.blocks import ROOT, blocks, pages, pasted, prepare, run
 
 #: What is drawn, and where the page has it.
 IMAGE = re.compile(r"<!-- drawn: (.*?) -->\n!\[[^]]*\]\((.*?)\)")
+#: Width and height of a picture in a page.
+LARGEST_PX = (1000, 1000)
 
 
 def main() -> int:
@@ -32,7 +35,7 @@ def main() -> int:
     for page in named or pages():
         print(page.relative_to(ROOT), file=sys.stderr)
         text = page.read_text("utf-8")
-        if any("output" in block.remarks for block in blocks(text)):
+        if IMAGE.search(text) or any("output" in block.remarks for block in blocks(text)):
             new = with_outputs(text, page.parent)
             page.write_text(new, "utf-8")
             print(f"{page.relative_to(ROOT)}: {'new outputs' if new != text else 'as it was'}")
@@ -55,7 +58,9 @@ def with_outputs(text: str, beside: Path) -> str:
         printed = {block.start: output for block, output in run(found, folder, tested=False)}
         for drawn, image in IMAGE.findall(text):
             [source] = folder.glob(drawn)
-            shutil.copyfile(source, beside / image)
+            with Image.open(source) as picture:  # a page needs no more than 64 colours
+                picture.thumbnail(LARGEST_PX)
+                picture.convert("RGB").quantize(64).save(beside / image, optimize=True)
     made, end, output = [], 0, ""
     for block in found:
         output = printed.get(block.start, output)

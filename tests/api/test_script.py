@@ -12,6 +12,7 @@ import nbclient
 import nbformat
 import pytest
 
+from docs.site.blocks import blocks
 from tests.support.processes import MOST_S
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,6 +70,26 @@ def test_a_script_without_a_guard_comes_to_its_end(
     assert told.stderr == ""
     check(told.stdout)
     assert (tmp_path / "profile.png").stat().st_size > 1000
+
+
+def test_the_fit_of_the_readme_runs_on_what_the_tutorial_makes(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "tutorials" / "own-fmu.md").read_text("utf-8")
+    making = next(block.text for block in blocks(page) if block.language == "python")
+    fitting = SCRIPT.with_name("own_fmu.py").read_text("utf-8")
+    run = subprocess.run(
+        [sys.executable, "-c", making + fitting],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"},
+        timeout=MOST_S,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    values = re.findall(r"^(\w+) = ([\d.]+) ± ([\d.]+), determined$", run.stdout, re.MULTILINE)
+    assert [name for name, _, _ in values] == ["damping", "stiffness"]
+    for (_, value, error), truth in zip(values, (0.2, 4100.0), strict=True):
+        assert abs(float(value) - truth) < 4.0 * float(error)
 
 
 @pytest.mark.filterwarnings("ignore")  # of the notebook's libraries

@@ -47,16 +47,7 @@ def test_the_readme_is_short_and_its_links_lead_somewhere() -> None:
     assert pages <= set(inside), "the README links every page"
 
 
-def test_the_page_of_a_hard_drive_leads_to_where_simulate_names_lines() -> None:
-    pages = ROOT / "docs" / "how-to"
-    [there] = re.findall(
-        r"\]\((\w+\.md)#name-the-lines-", (pages / "nonlinear.md").read_text("utf-8")
-    )
-    told = (pages / there).read_text("utf-8").partition("## Name the lines of a drive")[2]
-    assert "fmu-fit simulate" in told
-
-
 def test_the_readmes_python_is_the_script_that_a_test_runs() -> None:
     [block] = re.findall(r"```python\n(.*?)```", README.read_text("utf-8"), re.DOTALL)
-    script = (ROOT / "tests" / "api" / "from_arrays.py").read_text("utf-8")
+    script = (ROOT / "tests" / "api" / "own_fmu.py").read_text("utf-8")
     assert script.partition('"""\n\n')[2] == block
