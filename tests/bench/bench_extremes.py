@@ -1,6 +1,6 @@
 """Where the whole chain holds and where it stops, measured decade by decade.
 
-    python -m tests.bench.bench_extremes            # the table of explanation/measurements.md, minutes
+    python -m tests.bench.bench_extremes            # the table of measurements.md, minutes
     python -m tests.bench.bench_extremes --quick    # without the thousand experiments
     python -m tests.bench.bench_extremes --smoke    # the first two values of every range
 
