@@ -134,6 +134,8 @@ class Fmu:
             integrated here; None: the first of these that it offers.
         native: Whether a model of this project is compiled from C, where there is a compiler: the
             same numbers, faster.
+        output_delay_steps: Communication steps by which its outputs come late, at least 0: they are
+            read so many steps later, which co-simulation alone has.
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
@@ -148,6 +150,7 @@ class Fmu:
         isolate: Isolate | Isolation = False,
         interface: str | None = None,
         native: bool = False,
+        output_delay_steps: int = 0,
     ) -> None:
         if not isinstance(source, str | PathLike):
             raise BadInput(f"Fmu: found a {type(source).__name__}, wanted a path or a model's name")
@@ -160,8 +163,18 @@ class Fmu:
                 raise BadInput("isolate: Windows has no such limits, wanted Linux or macOS")
             strict = isolate == "strict"
             isolation = isolate if isinstance(isolate, Isolation) else Isolation(strict=strict)
+        description = read_description(path, interface)
+        if output_delay_steps < 0:
+            raise BadInput(
+                f"output_delay_steps: found {output_delay_steps}, wanted a number of at least 0"
+            )
+        if output_delay_steps and description.exchange is not None:
+            raise BadInput(
+                f"output_delay_steps: found {output_delay_steps}, wanted 0: model exchange has no "
+                "communication steps"
+            )
         self.workers = FmuWorkers(
-            read_description(path, interface),
+            replace(description, output_delay_steps=output_delay_steps),
             workers=workers,
             timeout_s=timeout_s,
             timeout_name=timeout_name,

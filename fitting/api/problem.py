@@ -435,7 +435,14 @@ def fmu_of(
     named = one_fmu(campaigns)
     named = replace(named, native=named.native or (native and named.model is not None))
     path = provide_fmu(named, Path(folder))
-    return Fmu(path, workers, named.timeout_s, isolate=isolate, interface=named.interface)
+    return Fmu(
+        path,
+        workers,
+        named.timeout_s,
+        isolate=isolate,
+        interface=named.interface,
+        output_delay_steps=named.output_delay_steps,
+    )
 
 
 def named_fmu(named: WrittenFmu, workers: int = 2) -> Fmu:
@@ -449,7 +456,14 @@ def named_fmu(named: WrittenFmu, workers: int = 2) -> Fmu:
         BadInput: no such file or model, or no FMU that this machine can run.
     """
     source = named.file or str(named.model)
-    return Fmu(source, workers, named.timeout_s, interface=named.interface, native=named.native)
+    return Fmu(
+        source,
+        workers,
+        named.timeout_s,
+        interface=named.interface,
+        native=named.native,
+        output_delay_steps=named.output_delay_steps,
+    )
 
 
 def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
@@ -469,11 +483,13 @@ def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
                 f"{other.path}: [fmu]: {two.model or two.file}, but {first.path} has "
                 f"{one.model or one.file}; wanted the same in campaigns that are fitted together"
             )
-        if one.interface != two.interface:
-            raise BadInput(
-                f"{other.path}: [fmu] interface: {two.interface or 'none'}, but {first.path} has "
-                f"{one.interface or 'none'}; wanted the same in campaigns that are fitted together"
-            )
+        for key in ("interface", "output_delay_steps"):
+            here, there = getattr(one, key), getattr(two, key)
+            if here != there:
+                raise BadInput(
+                    f"{other.path}: [fmu] {key}: {there or 'none'}, but {first.path} has "
+                    f"{here or 'none'}; wanted the same in campaigns that are fitted together"
+                )
     return first.file.fmu
 
 

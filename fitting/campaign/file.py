@@ -85,6 +85,10 @@ class WrittenFmu(Keys):
     """By which it is run; without it by co-simulation where it offers that."""
     timeout_s: Positive = 60.0
     """Longest simulation run, then the FMU counts as failed, s."""
+    output_delay_steps: WholeNumber = 0
+    """Communication steps by which outputs of the FMU come late, 1 where it returns those of the
+    beginning of a step at its end (`fmu-fit check` names such an FMU): they are read so much later.
+    Co-simulation only."""
     start: Mapping[str, Value] = field(default_factory=dict)
     """Start value of any FMU variable that can be set."""
     taken: Texts = ()

@@ -10,7 +10,6 @@ from fitting import Fmu
 from fitting.check import FILES
 from fitting.check.examination import Examination, examine
 from fitting.check.findings import Finding, Severity, rule_findings, trial_findings
-from fitting.check.runs import trial_step_s
 from fitting.extension.fmu import FmuDescription, opened_fmu, validation_problems
 from fitting.extension.records import BoundCampaign, Campaign, bind, read_campaign
 from fitting.text.errors import BadInput, FmuFailure
@@ -69,7 +68,7 @@ def check(
         fmu: The FMU, its path, or the name of a model of this project.
         campaign: A campaign that it may suit; its start values hold for the trial run.
         step_s: Length of the trial step, s, above zero; None: the FMU's own, four of a fixed one of
-            its solver, else 1 ms.
+            its solver, else one that resolves its response, where it shows none 1 ms.
 
     Returns:
         ``sound`` sums it up; ``findings`` (by severity), ``failure`` and ``unsuited``
@@ -93,7 +92,7 @@ def check(
         except BadInput as error:
             unsuited = tuple(map(str, error.args))
     values = bound.setup.start_values if bound else {}
-    examination = examine(workers, step_s or trial_step_s(description), values)
+    examination = examine(workers, step_s, values)
     findings = (
         *trial_findings(description, examination),
         *rule_findings(validation_problems(description.path)),

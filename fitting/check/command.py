@@ -26,7 +26,7 @@ EXAMPLE = "fmu-fit check CoupledOscillator --campaign string_q1/campaign.toml"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    step = 'length of the trial step, as "1 ms" (one that suits the FMU, else 0.001 s)'
+    step = 'length of the trial step, as "1 ms" (its own, else one that resolves its response)'
     options: Options = {
         "fmu": {},
         "--interface": {},

@@ -9,7 +9,14 @@ from itertools import pairwise
 
 from fitting.check.inputs import InputEffect, try_inputs
 from fitting.check.resets import Resets, try_longer, try_resets
-from fitting.check.runs import STEPS, pushed_run, tried
+from fitting.check.runs import (
+    STEPS,
+    USUAL_STEP_S,
+    pushed_run,
+    response_step_s,
+    trial_step_s,
+    tried,
+)
 from fitting.check.steps import Repeatability, Trial, take_trial, try_freeing, try_repeats
 from fitting.extension.fmu import FmuWorkers, Run
 from fitting.text.arrays import Scalar
@@ -32,12 +39,12 @@ class Examination:
     failure: FmuFailure | None = None
 
 
-def examine(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) -> Examination:
+def examine(workers: FmuWorkers, step_s: float | None, values: Mapping[str, Scalar]) -> Examination:
     """Try an FMU; a failure is reported, not raised.
 
     Args:
         workers: one process that runs the FMU.
-        step_s: length of a trial step, s.
+        step_s: length of a trial step, s; None: one that resolves its response.
         values: start values by name, next to the FMU's own.
 
     Raises:
@@ -47,8 +54,10 @@ def examine(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) ->
     effects: tuple[InputEffect, ...] = ()
     failure = None
     try:
-        trial = take_trial(workers, step_s, values)
-        try_freeing(workers, step_s, values)
+        step_s = step_s or trial_step_s(workers.description)
+        trial = take_trial(workers, step_s or USUAL_STEP_S, values)
+        try_freeing(workers, step_s or USUAL_STEP_S, values)
+        step_s = step_s or response_step_s(workers, values)
         run = pushed_run(workers, step_s, values)
         resets = try_resets(workers, run)
         costs = measure_costs(workers, run)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitting.check.findings import ROUNDING
+from fitting.check.runs import ROUNDING
 from fitting.check.steps import Repeatability
 from fitting.extension.drawing import SERIES, described, new_figure
 from fitting.extension.report import Figure as Described

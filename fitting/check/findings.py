@@ -8,15 +8,22 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from fitting.check.examination import Examination
-from fitting.check.runs import STEPS
-from fitting.extension.fmu import FmuDescription
-from fitting.text.rendering import blocks
+from fitting.check.runs import ROUNDING, STEPS
+from fitting.extension.fmu import USUAL_ACCURACY, FmuDescription
+from fitting.text.finding import Kind, warning
+from fitting.text.rendering import blocks, sentence
 
-#: Shares of an output below which rounding differs, on another machine in another way.
-ROUNDING = 1e-12
-#: The same; growth of differences from the first quarter of the time to the last where they drift;
-#: share from which outputs of shorter steps are other ones; bytes of a run that a thousand feel.
-LIMITS = {"rounding": ROUNDING, "drifts": 2.0, "other": 0.3, "leak": 50_000, "steps": STEPS}
+#: Share of rounding; growth of differences from the first quarter of the time to the last where
+#: they drift; share from which outputs of shorter steps are other ones, and up to which no
+#: amplitude rests on how well they repeat; bytes of a run that a thousand feel.
+LIMITS = {
+    "rounding": ROUNDING,
+    "drifts": 2.0,
+    "other": 0.3,
+    "exact": USUAL_ACCURACY,
+    "leak": 50_000,
+    "steps": STEPS,
+}
 
 
 class Severity(StrEnum):
@@ -37,11 +44,15 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What is wrong with an FMU; `count` times, with the first of them."""
+    """What is wrong with an FMU; `count` times, with the first of them.
+
+    `kind` is that of a fit's findings where those have the like.
+    """
 
     severity: Severity
     sentence: str
     count: int = 1
+    kind: Kind | None = None
 
 
 #: What fmpy says of rules that only hints and spelling break.
@@ -78,7 +89,18 @@ def trial_findings(description: FmuDescription, examination: Examination) -> tup
     """
     failure = examination.failure
     fatal = () if failure is None else (Finding(Severity.FATAL, str(failure)),)
-    own_step_s = description.step_s
-    text = blocks("check/text").cautions(examination, own_step_s, LIMITS)
-    lines = (line.strip() for line in str(text).splitlines())
-    return (*fatal, *(Finding(Severity.CAREFUL, line) for line in lines if line))
+    repeats = examination.repeats
+    late = [
+        warning(Kind.output_late, name, None, step_s=tried.step_s)
+        for tried in ([] if repeats is None else [repeats])
+        for name in tried.late_outputs
+    ]
+    text = blocks("check/text")
+    cautions = str(text.cautions(examination, description.step_s, LIMITS)).splitlines()
+    notes = str(text.notes(examination, LIMITS)).splitlines()
+    return (
+        *fatal,
+        *(Finding(Severity.CAREFUL, sentence(each), kind=each.kind) for each in late),
+        *(Finding(Severity.CAREFUL, line.strip()) for line in cautions if line.strip()),
+        *(Finding(Severity.COSMETIC, line.strip()) for line in notes if line.strip()),
+    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.check.runs import VARIED, moved, tried
+from fitting.check.runs import VARIED, moved, moves, tried
 from fitting.extension.fmu import FmuVariable, FmuWorkers, Run, SampledSignal, Segment
 from fitting.text.arrays import Scalar
 
@@ -17,6 +17,7 @@ class InputEffect:
 
     ``acts``: an output changes in ``steps`` steps; ``at_once``: without a step, which is direct
     feed-through; both are None where the FMU refuses the run, ``at_once`` of parameters as well.
+    ``excited``: something was there to be changed: an input, or an output that moved.
     """
 
     name: str
@@ -24,6 +25,7 @@ class InputEffect:
     acts: bool | None
     at_once: bool | None
     steps: int
+    excited: bool = True
 
 
 def try_inputs(workers: FmuWorkers, run: Run, most: int = 0) -> tuple[InputEffect, ...]:
@@ -119,4 +121,5 @@ def _tunable(
         acts=acts,
         at_once=None,
         steps=run.samples - 1,
+        excited=results is None or moves(results[0][half:]),
     )

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from fitting.check.api import Check
-from fitting.check.findings import ROUNDING, Severity
+from fitting.check.findings import Severity
+from fitting.check.runs import ROUNDING
 from fitting.check.steps import SHIFT
 from fitting.extension.fmu import FmuDescription, FmuVariable
 from fitting.extension.report import lines_of, phrase, phrases, printed_lines, table, write_page

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.check.runs import VARIED, moved, tried
+from fitting.check.runs import VARIED, moved, moves, tried
 from fitting.extension.fmu import FmuWorkers, Handling, Run
 from fitting.text.arrays import Scalar
 
@@ -20,7 +20,8 @@ class Resets:
     is not set anew is back at its start. ``kept`` are values of which a trace is left where nothing
     is set anew, "" represents a run with nothing set at all. Also with every parameter and input
     varied, but for those of ``unvaried``, which the FMU refuses to take; those of ``idle`` changed
-    no output in ``idle_steps`` steps of ``step_s`` seconds, ``steps`` of which were taken here.
+    no output in ``idle_steps`` steps of ``step_s`` seconds, ``steps`` of which were taken here, and
+    have no effect where outputs were ``excited``: they moved in these steps.
     ``fails``: how a reset failed, or ended the process; empty: it did not.
     """
 
@@ -32,6 +33,7 @@ class Resets:
     step_s: float
     steps: int
     idle_steps: int
+    excited: bool
     fails: str
 
 
@@ -47,6 +49,7 @@ def try_resets(workers: FmuWorkers, run: Run) -> Resets:
     """
     others = _others(workers, run)
     refused, idle = [], []
+    excited = (results := tried(workers, [run])) is not None and moves(results[0])
     for name, other in others.items():
         changed = replace(run, start_values={**run.start_values, name: other})
         if (results := tried(workers, [run, changed])) is None:
@@ -65,6 +68,7 @@ def try_resets(workers: FmuWorkers, run: Run) -> Resets:
         step_s=run.sample_step_s,
         steps=run.samples - 1,
         idle_steps=run.samples - 1,
+        excited=excited,
         fails=verdict.failure,
     )
 
@@ -82,7 +86,9 @@ def try_longer(workers: FmuWorkers, resets: Resets, run: Run, steps: int) -> Res
         FmuFailure: a run did not end in its time.
     """
     long = replace(run, samples=steps + 1)
-    if not resets.idle or steps <= resets.steps or tried(workers, [long]) is None:
+    if not resets.idle or steps <= resets.steps:
+        return resets
+    if (whole := tried(workers, [long])) is None:
         return resets
     others = _others(workers, run)
     changed = [
@@ -95,7 +101,7 @@ def try_longer(workers: FmuWorkers, resets: Resets, run: Run, steps: int) -> Res
         for name, results in zip(resets.idle, answers, strict=True)
         if results is not None and np.array_equal(results[0], results[1], equal_nan=True)
     )
-    return replace(resets, idle=idle, idle_steps=steps)
+    return replace(resets, idle=idle, idle_steps=steps, excited=moves(whole[0]))
 
 
 def _others(workers: FmuWorkers, run: Run) -> dict[str, Scalar]:

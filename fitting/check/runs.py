@@ -2,32 +2,85 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
-from fitting.extension.fmu import FmuDescription, FmuVariable, FmuWorkers, Run, SampledSignal
+from fitting.extension.fmu import (
+    USUAL_ACCURACY,
+    FmuDescription,
+    FmuVariable,
+    FmuWorkers,
+    Run,
+    SampledSignal,
+)
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 STEPS = 16  # in which a value shows what it does
 VARIED = 1e-3  # of a value, to see what it does
-#: The trial step of an FMU that tells no step of its own, s.
+#: Shares of an output below which rounding differs, on another machine in another way.
+ROUNDING = 1e-12
+#: The trial step of an FMU that declares no step and shows no response, s.
 USUAL_STEP_S = 1e-3
+#: Trial steps among which one is looked for, from and to, s, and their ratio; and the largest
+#: second difference of a response over its range from which 16 steps cover a period of it or four
+#: of its time constants: some 20 steps in a period, four in a time constant.
+SHORTEST_S, LONGEST_S, LONGER, BENDS = 1e-12, 1e4, 4.0, 0.05
+#: Processor time of a run after which no longer steps are tried, s.
+MOST_S = 1.0
 #: Own steps in a trial step: halves and quarters of it are whole ones, too.
 OWN_STEPS = 4
 
 
-def trial_step_s(description: FmuDescription) -> float:
-    """Length of a trial step that suits an FMU, s.
+def trial_step_s(description: FmuDescription) -> float | None:
+    """Length of a trial step that suits what an FMU declares, s; None: it declares no step.
 
     Args:
         description: of the FMU.
     """
     if description.internal_step_s is not None:
         return OWN_STEPS * description.internal_step_s
-    return USUAL_STEP_S if description.usual_step_s is None else description.usual_step_s
+    return description.usual_step_s
+
+
+def response_step_s(workers: FmuWorkers, values: Mapping[str, Scalar]) -> float:
+    """Length of a step that resolves the response to pushed inputs, s; `USUAL_STEP_S`: none shows.
+
+    Longer and longer steps are tried. Over short ones a response is straight or a low power of the
+    time; the first that bend it more show its time constant, or its period. What is rough already
+    over the shortest ones is noise, what stands still between them moves in steps of its own.
+
+    Args:
+        workers: processes that run the FMU.
+        values: start values by name.
+
+    Raises:
+        FmuFailure: a run did not end in its time.
+    """
+    run = _pushed(workers, trial_run(workers.description, SHORTEST_S, values, STEPS), values)
+    smooth: npt.NDArray[np.bool_] | None = None
+    while run.sample_step_s < LONGEST_S:
+        before = workers.counts.processor_s
+        if (results := tried(workers, [run])) is not None:
+            # some FMUs have their outputs from the first step on, or one later
+            y = results[0][2:]
+            ranges, steps = np.ptp(y, axis=0), np.diff(y, axis=0)
+            moving = ranges > USUAL_ACCURACY * np.max(np.abs(y), axis=0)
+            moving &= np.all(steps != 0.0, axis=0)
+            most = np.max(np.abs(np.diff(steps, axis=0)), axis=0)
+            bends = np.divide(most, ranges, out=np.zeros_like(most), where=moving)
+            smooth = bends < BENDS if smooth is None else smooth
+            bend = float(np.max(bends[smooth], initial=0.0))
+            if bend >= BENDS:  # it grows with the square of the step
+                return run.sample_step_s * math.sqrt(BENDS / bend)
+        if workers.counts.processor_s - before > MOST_S:
+            break
+        run = replace(run, sample_step_s=LONGER * run.sample_step_s)
+    return USUAL_STEP_S
 
 
 def trial_run(
@@ -83,16 +136,19 @@ def pushed_run(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar])
     run = trial_run(workers.description, step_s, values, STEPS)
     while run.samples > 2 and tried(workers, [run]) is None:
         run = replace(run, samples=1 + (run.samples - 1) // 4)
+    other = _pushed(workers, run, values)
+    return run if tried(workers, [other]) is None else other
+
+
+def _pushed(workers: FmuWorkers, run: Run, values: Mapping[str, Scalar]) -> Run:
+    """The run with every input moved from its start but for those of some values."""
     pushed = {
         v.name: other
         for v in workers.description.variables.values()
         if v.causality == "input" and v.name not in values
         if (other := moved(v, v.start, 1.0)) is not None
     }
-    if not pushed:
-        return run
-    other_run = replace(run, start_values={**run.start_values, **pushed})
-    return run if tried(workers, [other_run]) is None else other_run
+    return replace(run, start_values={**run.start_values, **pushed})
 
 
 def tried(workers: FmuWorkers, runs: Sequence[Run]) -> list[FloatArray] | None:
@@ -151,6 +207,17 @@ def moved(variable: FmuVariable, value: Scalar | None, share: float) -> Scalar |
     if variable.max is not None and other > variable.max:
         other = number * (1.0 - share) if number else -share
     return other if variable.min is None or other >= variable.min else None
+
+
+def moves(values: FloatArray) -> bool:
+    """Whether an output moves by more than rounding after the first step, and not as a clock does.
+
+    Args:
+        values: by sample and output.
+    """
+    bends = np.abs(np.diff(values[1:], 2, axis=0))
+    sizes = np.max(np.abs(values), axis=0, initial=0.0)
+    return bool(np.any(bends > ROUNDING * sizes))
 
 
 def shares(difference: FloatArray, values: FloatArray) -> FloatArray:

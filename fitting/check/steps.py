@@ -9,11 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitting.check.runs import in_parts, shares, trial_run, tried
-from fitting.extension.fmu import FmuWorkers, Handling, Run
+from fitting.extension.fmu import FmuWorkers, Handling, Run, is_late
 from fitting.text.arrays import FloatArray, Scalar
 
-#: Smaller steps in each: two refinements tell an error that falls with the step from noise.
-PARTS = (1, 2, 4)
 #: By which differences fall at least from halves to quarters where they come of the step.
 FALLS = 1.5
 #: Samples in each step where outputs are watched for a step of their own: the first look is as
@@ -51,7 +49,8 @@ class Repeatability:
     ``own_step_s`` is the step in which outputs move where they are looked at more often, NaN where
     they move all the time. ``stops_s`` is the length of a step in which outputs that move in longer
     ones do not move at all, NaN where none was met. ``times_s`` and ``differences``
-    (steps + 1, outputs) are those of ``halves``, for a figure.
+    (steps + 1, outputs) are those of ``halves``, for a figure. ``late_outputs`` come one
+    communication step late.
     """
 
     step_s: float
@@ -66,6 +65,7 @@ class Repeatability:
     output: str
     own_step_s: float
     stops_s: float
+    late_outputs: tuple[str, ...]
     outputs: tuple[str, ...]
     times_s: FloatArray
     differences: FloatArray
@@ -145,7 +145,11 @@ def try_repeats(workers: FmuWorkers, run: Run, steps: int) -> Repeatability | No
     if not real:
         return None
     run = replace(run, outputs=real, samples=steps + 1)
-    whole, halves, quarters = (_tried(workers, in_parts(run, parts)) for parts in PARTS)
+    whole, quarters = (_tried(workers, in_parts(run, parts)) for parts in (1, 4))
+    # every half of a step is read: at half a step earlier late outputs are those of whole ones
+    every = replace(run, sample_step_s=run.sample_step_s / 2.0, samples=2 * steps + 1)
+    fine = _tried(workers, in_parts(every, 1))
+    halves = fine[::2]
     alone = replace(in_parts(run, 1), handling=Handling())
     once, again = _tried(workers, alone), _tried(workers, alone)
     later, little = (
@@ -158,20 +162,22 @@ def try_repeats(workers: FmuWorkers, run: Run, steps: int) -> Repeatability | No
     by_output = np.where(columns, shares(halves - whole, whole), np.nan)
     k = 0 if np.isnan(by_output).all() else int(np.nanargmax(by_output))
     quarter = max(1, steps // 4)
-    fine = quarters - halves
+    finer = quarters - halves
+    late = (name for name, y, z in zip(real, whole.T, fine.T, strict=True) if is_late(y, z))
     return Repeatability(
         step_s=run.sample_step_s,
         steps=steps,
         again=_share(again - once, whole),
         halves=_share(halves - whole, whole),
-        quarters=_share(fine, whole),
+        quarters=_share(finer, whole),
         later=_share(later - whole, whole),
         little=_share(little - whole, whole),
-        early=_share(fine[: quarter + 1], whole),
-        late=_share(fine[-quarter:], whole),
+        early=_share(finer[: quarter + 1], whole),
+        late=_share(finer[-quarter:], whole),
         output=real[k],
         own_step_s=_own_step_s(workers, run),
         stops_s=_stops_s(run, whole, (halves, quarters)),
+        late_outputs=tuple(late),
         outputs=real,
         times_s=np.arange(steps + 1, dtype=np.float64) * run.sample_step_s,
         differences=np.abs(halves - whole),
@@ -194,7 +200,7 @@ def _stops_s(run: Run, whole: FloatArray, parts: Sequence[FloatArray]) -> float:
     """The longest step in parts of which nothing moves, though it does in whole ones; NaN: none."""
     if not np.any(np.diff(whole, axis=0)):
         return math.nan
-    for count, answer in zip(PARTS[1:], parts, strict=True):
+    for count, answer in zip((2, 4), parts, strict=True):
         if not np.any(np.diff(answer, axis=0)):
             return run.sample_step_s / count
     return math.nan

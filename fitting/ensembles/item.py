@@ -234,11 +234,12 @@ _OPEN = threading.local()
 
 
 def _opened_fmu(file: NeededFile, named: WrittenFmu) -> ff.Fmu:
-    key = (file.digest, named.timeout_s, named.interface)
+    how = named.timeout_s, named.interface, named.output_delay_steps
+    key = (file.digest, *how)
     last, fmu = getattr(_OPEN, "last", (None, None))
     if last != key or fmu is None:
         if fmu is not None:
             fmu.workers.close()
-        fmu = ff.Fmu(place_of(file), 1, named.timeout_s, interface=named.interface)
+        fmu = ff.Fmu(place_of(file), 1, how[0], interface=how[1], output_delay_steps=how[2])
         _OPEN.last = (key, fmu)
     return fmu

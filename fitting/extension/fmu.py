@@ -14,8 +14,11 @@ from fitting.fmu.description import (
 from fitting.fmu.models import provide_fmu
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Handling, Run, SampledSignal, Segment
+from fitting.measurements.late import is_late
+from fitting.simulate.response import USUAL_ACCURACY
 
 __all__ = [
+    "USUAL_ACCURACY",
     "FmuDescription",
     "FmuVariable",
     "FmuWorkers",
@@ -25,6 +28,7 @@ __all__ = [
     "SampledSignal",
     "Segment",
     "Where",
+    "is_late",
     "named_fmu",
     "one_fmu",
     "opened",

@@ -119,7 +119,8 @@ class FmuDescription:
     experiment; None where it has none. ``any_steps``: communication steps may differ in length.
     ``offers`` are the interfaces that it has, of INTERFACES. ``exchange``: numbers of states and
     event indicators where it is run by model exchange: its equations are then integrated here;
-    None: co-simulation.
+    None: co-simulation. ``output_delay_steps`` is not declared: communication steps by which its
+    outputs come late, as its user states.
     """
 
     path: Path
@@ -139,6 +140,7 @@ class FmuDescription:
     any_steps: bool = True
     exchange: tuple[int, int] | None = None
     offers: tuple[str, ...] = INTERFACES[:1]
+    output_delay_steps: int = 0
     #: Where the file is, whatever folder the process works in later; ``path`` is as it was named.
     file: Path = field(init=False, repr=False, compare=False)
 

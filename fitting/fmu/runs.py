@@ -339,7 +339,7 @@ class RunRequest(NamedTuple):
     """One run: ``values`` for each group of the layout's ``sets``.
 
     ``handled``: the run that goes before on the same instance, and whether that is freed at the
-    end; see `Handling`.
+    end; see `Handling`. ``delay_steps``: communication steps by which outputs come late.
     """
 
     layout: int
@@ -355,6 +355,7 @@ class RunRequest(NamedTuple):
     sampled: SampledSignal | None = None
     handled: tuple[RunRequest | None, bool] | None = None
     longest_step_s: float = 0.0
+    delay_steps: int = 0
 
     @property
     def rows(self) -> int:
@@ -439,6 +440,7 @@ class RunRequests:
             sampled=signal if isinstance(signal, SampledSignal) else None,
             handled=handled,
             longest_step_s=run.longest_step_s,
+            delay_steps=self._description.output_delay_steps,
         )
 
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:

@@ -53,10 +53,24 @@ def late_by_s(
         raise
     except FmuFailure:  # it refuses such steps
         return 0.0
-    whole, halves = (batch.samples(run, output)[1:] for run in runs)
-    count = min(whole.size, halves.size // 2)
-    whole, before, same = whole[:count], halves[: 2 * count : 2], halves[1 : 2 * count : 2]
+    late = is_late(*(batch.samples(run, output) for run in runs))
+    return looks[0].closer.step_s if late else 0.0
+
+
+def is_late(whole: FloatArray, halves: FloatArray) -> bool:
+    """Whether an output over steps is what it is over half of them half a step earlier.
+
+    Args:
+        whole: of the start and after every step, shape (n,), in its unit.
+        halves: of the start and after every half of a step, shape (m,), at least 2 n - 1.
+    """
+    count = min(whole.size - 1, (halves.size - 1) // 2)
+    later, before, same = (
+        whole[1 : count + 1],
+        halves[1 : 2 * count : 2],
+        halves[2 : 2 * count + 1 : 2],
+    )
     largest = float(np.max(np.abs(same), initial=0.0))
-    moved = float(np.max(np.abs(whole - same), initial=0.0))
-    left = float(np.max(np.abs(whole - before), initial=0.0))
-    return looks[0].closer.step_s if moved > MOVED * largest and left < LEFT * moved else 0.0
+    moved = float(np.max(np.abs(later - same), initial=0.0))
+    left = float(np.max(np.abs(later - before), initial=0.0))
+    return moved > MOVED * largest and left < LEFT * moved

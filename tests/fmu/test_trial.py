@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import pythonfmu
 
 from fitting.check.examination import Costs, Examination, examine, measure_costs, repeated_steps
 from fitting.check.findings import Severity, rule_findings, trial_findings
@@ -16,6 +17,7 @@ from fitting.check.runs import STEPS, pushed_run, trial_step_s
 from fitting.check.steps import try_repeats
 from fitting.fmu.description import read_description
 from fitting.fmu.pool import FmuWorkers
+from fitting.text.finding import Kind
 from tests.support.cfmu_build import (
     build_c_fmu,
     build_lag_fmu,
@@ -218,9 +220,53 @@ def test_own_steps_are_kept_to(tmp_path: Path) -> None:
     usual = {"<ModelStructure>": '<DefaultExperiment stepSize="0.004"/><ModelStructure>'}
     plain = build_c_fmu(tmp_path)
     told = build_c_fmu(tmp_path, fmi=3)
-    assert trial_step_s(read_description(plain)) == 1e-3
+    assert trial_step_s(read_description(plain)) is None
     assert trial_step_s(read_description(reworded(told, fixed))) == 2e-3
     assert trial_step_s(read_description(reworded(plain, usual))) == 0.004
+
+
+@pytest.fixture(scope="module")
+def late_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An oscillator, exact over every step; one output alone, which `late` = 1 returns late."""
+    slave = Path(__file__).parents[1] / "bench/foreign/LateOutput.py"
+    made = tmp_path_factory.mktemp("late")
+    pythonfmu.FmuBuilder.build_FMU(str(slave), dest=str(made))
+    return made / "LateOutput.fmu"
+
+
+@pytest.mark.parametrize("f_hz", [0.02, 14e3, 2e9])
+def test_steps_resolve_the_response_of_an_fmu_that_declares_none(
+    f_hz: float, late_fmu: Path
+) -> None:
+    """Whatever its frequency, every value acts; long after, nothing moves that it could act on."""
+    with FmuWorkers(late_fmu) as workers:
+        values = {"late": 0.0, "f0": f_hz, "d": 0.5 * f_hz}
+        found = examine(workers, None, values)
+        assert found.resets is not None
+        assert 8.0 < 1.0 / (f_hz * found.resets.step_s) < 50.0
+        assert found.resets.excited
+        assert found.resets.idle == ("late",)  # from 0 to 0.001, which is no as well
+        settled = examine(workers, 100.0 / f_hz, values)
+        assert settled.resets is not None
+        assert (settled.resets.idle, settled.resets.excited) == (("d", "late"), False)
+        said = [f.sentence for f in trial_findings(workers.description, settled)]
+        assert not [sentence for sentence in said if sentence.startswith("parameter d")]
+
+
+def test_an_output_that_comes_a_step_late_is_found(late_fmu: Path) -> None:
+    with FmuWorkers(late_fmu) as workers:
+        for late in (0.0, 1.0):
+            found = examine(workers, None, {"late": late})
+            kinds = [f.kind for f in trial_findings(workers.description, found)]
+            assert kinds.count(Kind.output_late) == late
+
+
+def test_what_repeats_to_less_than_any_accuracy_is_no_warning(tmp_path: Path) -> None:
+    with FmuWorkers(build_c_fmu(tmp_path, marks={"NOISE": 1e-11})) as workers:
+        found = examine(workers, 1e-3, {})
+    [finding] = trial_findings(workers.description, found)
+    assert finding.severity is Severity.COSMETIC
+    assert finding.sentence.startswith("outputs repeat to")
 
 
 def test_a_hang_when_an_instance_is_freed_is_found(tmp_path: Path, clock: Clock) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain, repeat
 from typing import Any, NamedTuple
@@ -27,6 +28,7 @@ from fitting.signal.tones import cycle_fraction
 from fitting.text.arrays import FloatArray
 
 Reader = Callable[[int], None]
+Advance = Callable[[float, float], None]
 
 DOUBLE = 8  # bytes
 BLOCK = 4096  # rows of inputs at a time
@@ -85,14 +87,20 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     read = _reader(fmu, layout.gets, binding.gets, result)
     initial = _reader(fmu, layout.initial, binding.initial, result)
     fmu.enter_initialisation(request.start_time_s)
+    advance, late = fmu.step, None
+    if request.delay_steps and steps_of(request):
+        late = _LateOutputs(fmu.step, read, request.delay_steps)
+        advance, read = late.advance, late.read
     if request.sampled is not None:
-        _stride_in_steps(fmu, binding.input, request, read, initial)
+        _stride_in_steps(fmu, binding.input, request, advance, read, initial)
     elif binding.input is None or fmu.follow(binding.input, request.tones):
         fmu.leave_initialisation()
         initial(0)
-        _stride(fmu, binding.moved, request, read)
+        _stride(fmu, binding.moved, request, advance, read)
     else:
-        _stride_in_steps(fmu, binding.input, _with_sampled_tones(request), read, initial)
+        _stride_in_steps(fmu, binding.input, _with_sampled_tones(request), advance, read, initial)
+    if late is not None:
+        late.finish()
     fmu.terminate()
     result[1:, layout.width :] = result[0, layout.width :]
     sampled = result[:, : layout.width]
@@ -104,8 +112,34 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
     return result
 
 
+class _LateOutputs:
+    """Reads every sample some communication steps after its time, for outputs that come so late."""
+
+    def __init__(self, step: Advance, read: Reader, delay_steps: int) -> None:
+        self._step, self._read, self._delay = step, read, delay_steps
+        self._taken, self._due = 0, deque[tuple[int, int]]()  # row, and steps after which it is due
+        self._last = 0.0, 0.0
+
+    def advance(self, at: float, step: float) -> None:
+        """One communication step, and the samples that are due after it."""
+        self._step(at, step)
+        self._last = at + step, step
+        self._taken += 1
+        while self._due and self._due[0][1] <= self._taken:
+            self._read(self._due.popleft()[0])
+
+    def read(self, row: int) -> None:
+        """Keep a sample until it is due."""
+        self._due.append((row, self._taken + self._delay))
+
+    def finish(self) -> None:
+        """Further steps of the last one's length, until every sample is read."""
+        while self._due:
+            self.advance(*self._last)
+
+
 def steps_of(request: RunRequest) -> int:
-    """Communication steps of a run.
+    """Communication steps of a run, without those after the last sample.
 
     Args:
         request: a run, in value references.
@@ -123,7 +157,11 @@ def _whole_steps(request: RunRequest) -> tuple[int, int]:
 
 
 def _stride(
-    fmu: FmuInstance, moved: VariableAccess | None, request: RunRequest, read: Reader
+    fmu: FmuInstance,
+    moved: VariableAccess | None,
+    request: RunRequest,
+    advance: Advance,
+    read: Reader,
 ) -> None:
     """One step to each sample, or equal ones that are short enough; then segments likewise."""
     longest_s = request.longest_step_s
@@ -141,9 +179,9 @@ def _stride(
                     count = parts(span, longest_s)
                     for k in range(1, count):
                         at = start + k * (span / count)
-                        fmu.step(now, at - now)
+                        advance(now, at - now)
                         now = at
-                fmu.step(now, then - now)
+                advance(now, then - now)
             read(row)
             row, now = row + 1, then
 
@@ -189,6 +227,7 @@ def _stride_in_steps(
     fmu: FmuInstance,
     inputs: VariableAccess | None,
     request: RunRequest,
+    advance: Advance,
     read: Reader,
     initial: Reader,
 ) -> None:
@@ -200,7 +239,7 @@ def _stride_in_steps(
     start, step = request.start_time_s, request.step_s
     lead, each = _whole_steps(request)
     kept, observed = request.sampled.values, _rows(request.sampled.at_samples)
-    advance, assign = fmu.step, fmu.set
+    assign = fmu.set
     last: tuple[float, ...] = ()  # without inputs, all rows are that
     if inputs is not None:
         last = next(observed) if lead == 0 else tuple(kept[0].tolist())
