@@ -78,6 +78,6 @@ def _option(action: argparse.Action) -> tuple[str, str]:
     text = escaped((action.help or "") % values if "%" in (action.help or "") else action.help)
     if action.required and action.option_strings:
         text += " (required)"
-    elif action.default and str(action.default) not in text:
+    elif action.default and str(action.default).removesuffix(".0") not in text:
         text += f" ({action.default})"
     return code(f"{', '.join(action.option_strings)} {value}".strip()), f": {text}"

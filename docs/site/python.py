@@ -19,8 +19,8 @@ INTRODUCTION = """\
 Everything that the commands do is in `import fitting as ff`. Nothing else is promised. Wrong input
 raises `BadInput`, an FMU that fails `FmuFailure`: `help(ff.fit)` lists when. An argument is
 described where it comes first, or with the key of its name in [campaign.toml](campaign.md); `help`
-describes it everywhere. A default shows the type. Fields of records that are returned are those of
-[Files of results](results.md)."""
+describes it everywhere, and those of methods and plots. A default shows the type. Fields of records
+that are returned are those of [Files of results](results.md)."""
 #: Tables of campaign.toml whose keys mean what arguments of these names mean.
 TABLES = {
     "ComplexCurve": "complex_sweep",
@@ -68,9 +68,7 @@ def _described(name: str, value: Any, described: dict[tuple[str, str], str]) -> 
     prose, sections = parts_of(value)
     if inspect.ismodule(value):
         yield re.sub(r"^\w+ {2,}.*\n?", "", prose, flags=re.MULTILINE).replace("\n\n\n", "\n\n")
-        for member in value.__all__:
-            yield f"### {name}.{member}"
-            yield from _described(f"{name}.{member}", getattr(value, member), described)
+        yield "\n".join(_call(member, getattr(value, member)) for member in value.__all__)
         return
     yield prose
     if "Args" in sections or not inspect.isclass(value):
@@ -80,14 +78,22 @@ def _described(name: str, value: Any, described: dict[tuple[str, str], str]) -> 
         kind = _type(inspect.signature(value).return_annotation)
         text = "".join(f": {text}" for _, text in sections.get("Returns", ()))
         yield f"Returns `{kind}`{text or '.'}" if kind != "None" else ""
-    if not inspect.isclass(value) or value.__name__ not in WITH_MEMBERS:
-        return
-    members = _members(value)
-    properties = [(n, parts_of(v)[0].partition("\n\n")[0]) for n, v in members if not callable(v)]
-    yield "\n".join(f"- `{key}`: {text}" for key, text in properties)
-    for member, inner in members[len(properties) :]:
-        yield f"### {name}.{member}"
-        yield from _described(f"{name}.{member}", inner, described)
+    elif value.__name__ in WITH_MEMBERS:
+        yield "Members:"
+        yield "\n".join(
+            _call(member, inner) if callable(inner) else f"- `{member}`: {_sentence(inner)}"
+            for member, inner in _members(value)
+        )
+
+
+def _sentence(value: Any) -> str:
+    return " ".join(parts_of(value)[0].partition("\n\n")[0].split())
+
+
+def _call(name: str, value: Any) -> str:
+    """A function in a line: the names of its arguments, and what it does."""
+    names = [key for key in inspect.signature(value).parameters if key != "self"]
+    return f"- `{name}({', '.join(names)})`: {_sentence(value)}"
 
 
 def _members(kind: type) -> list[tuple[str, Any]]:

@@ -18,12 +18,13 @@ from fitting.inference.likelihood.knowledge import Identification
 from fitting.lines import record as line_record
 from fitting.lines.line import Line
 from fitting.lines.noise_spectrum import NoiseLine
+from fitting.lines.record import LineNumber
 from fitting.lines.ringdown import Ringdown
 from fitting.posterior.summary import PosteriorSummary
 from fitting.result.result import Result
 from fitting.text import old_names
 from fitting.text.arrays import Scalar
-from fitting.text.estimate import Verdict
+from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Kind
 from fitting.text.schema import words_below_fields
 
@@ -33,7 +34,7 @@ INTRODUCTION = """\
 `reconstruct` writes `result.json`, `identify` writes `identify.json`, `design` writes
 `design.json`, or `ways.json` where kinds are compared, `posterior` writes `posterior.json`: the
 records below, key by key. A number that does not exist is `null`, an infinite one `"inf"`; numbers
-keep all their digits. What a key holds is in brackets.
+keep all their digits. What a key holds is in brackets, where it is no number.
 [result.schema.json](result.schema.json) has all of result.json as a JSON Schema,
 [Files under `--out`](files.md) lists what else is written, [Findings](findings.md) every kind of
 finding, and [What the data determine](../explanation/what-data-determine.md) explains the
@@ -58,7 +59,7 @@ OLD_KEYS = """\
 
 `result.json` of 0.2.0 (schema 1) is read. In Python the old names work until 0.4, with a warning;
 `q`, `amplitude`, `power`, `rms` and qualities of a dip work as numbers until then, with a warning.
-A number of a line is a value with `value`, `std`, `ci95` and `unit`; its keys that only fits use
+A number of a line is an [Estimate](#estimate); its keys that only fits use
 are left out: `frequency_hz`, `frequency_std_hz` and `frequency_ci95_hz` are `frequency.value`,
 `frequency.std` and `frequency.ci95`, and likewise of every number.
 
@@ -66,8 +67,8 @@ In schema 1 `knowledge.parameters` and `knowledge.derived` repeated the numbers 
 these are in `parameters` and `derived` alone, and the points of its profile (`values`,
 `delta_chi2`, `path`) with `sigma` and `held` in `knowledge.scans`. `bars` and `precision` follow
 from `ci68` and `ci95`, `knowledge.findings` are among the `findings`."""
-PLAIN = {float: "number", int: "whole number", str: "text", bool: "true or false", Any: "anything"}
-PLURAL = {"number": "numbers", "text": "texts", "whole number": "whole numbers"}
+PLAIN = {float: "number", int: "integer", str: "text", bool: "Boolean", Any: "anything"}
+PLURAL = {"number": "numbers", "text": "texts", "integer": "integers"}
 #: Words of an enumeration that are listed, at most; the schema has those of longer ones.
 MOST_WORDS = 13
 
@@ -102,7 +103,7 @@ def _records(record: type[Any]) -> list[type[Any]]:
         met += [
             each
             for each in dict.fromkeys(held)
-            if dataclasses.is_dataclass(each) and each not in met
+            if dataclasses.is_dataclass(each) and each not in (*met, LineNumber)
         ]
     return met
 
@@ -162,16 +163,20 @@ def _described(record: type[Any]) -> Iterator[str]:
     for field in _own(record):
         kind = _word(hints[field.name])
         if text := words.get(field.name):
-            lines.append(f"- `{field.name}` ({kind}): {escaped(text)}")
-        else:
+            lines.append(f"- `{field.name}`{_in_brackets(kind)}: {escaped(text)}")
+        elif f"`{field.name}`" not in prose or "](#" in kind:
             by_kind.setdefault(kind, []).append(code(field.name))
     if lines[1:] or not base:
         yield "\n".join(lines).replace("and:\n", "and:\n\n")
-    rest = "; ".join(f"{', '.join(names)} ({kind})" for kind, names in by_kind.items())
+    rest = "; ".join(f"{', '.join(names)}{_in_brackets(kind)}" for kind, names in by_kind.items())
     if base and not lines[1:]:
         yield f"All keys of {_word(base)}{', and ' * bool(rest)}{rest}."
     elif rest:
-        yield f"{'Also' if lines else 'Keys:'} {rest}."
+        yield f"{'Also' if lines or '`' in prose else 'Keys:'} {rest}."
+
+
+def _in_brackets(kind: str) -> str:
+    return "" if kind == "number" else f" ({kind})"
 
 
 def _word(kind: Any) -> str:
@@ -190,7 +195,8 @@ def _word(kind: Any) -> str:
             return f"list of {PLURAL.get(word, word)}"
         return f"two {PLURAL.get(word, f'of {word}')}"
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        return f"by name: {_word(inner[1])}"
+        word = _word(inner[1])
+        return f"{PLURAL.get(word, word)} by name"
     if kind is Kind:
         return "a kind of [findings](findings.md)"
     if isinstance(kind, type) and issubclass(kind, Verdict):
@@ -202,6 +208,8 @@ def _word(kind: Any) -> str:
         return (
             ", ".join(code(f'"{name}"') for name in names) if len(names) <= MOST_WORDS else "a word"
         )
+    if kind is LineNumber:
+        return _word(Estimate)
     if dataclasses.is_dataclass(kind):
         name = typing.cast(type[Any], kind).__name__
         return f"[{name}](#{name.lower()})"

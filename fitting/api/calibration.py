@@ -44,17 +44,16 @@ def calibrate(
     fmu: str | Path | None = None,
     also: Collection[str] = (),
 ) -> Calibrated:
-    """Hand a fit on: an FMU with the fitted start values, .ssv, .ssp and a table.
+    """Write a fit for other tools: an FMU with fitted start values, .ssv, .ssp and a table.
 
-    Only what the data determine is handed on by itself; everything else stays at the start value
-    of the FMU. Errors and intervals go along as annotations.
+    Only determined values are written, with errors and intervals as annotations; others keep the
+    FMU's start values.
 
     Args:
         result: An inference, its result, or the path of a result.json.
         out: Folder for the files, made where there is none.
-        fmu: The FMU that was fitted; None: the one in ``fmu/`` next to result.json, or that of the
-            problem.
-        also: Parameters that are handed on although the data do not determine them.
+        fmu: The fitted FMU; None: that in ``fmu/`` next to result.json, or the problem's.
+        also: Parameters to write although the data do not determine them.
 
     Raises:
         BadInput: no result, another FMU than the one that was fitted, or a folder that cannot be

@@ -27,13 +27,12 @@ from fitting.text.errors import BadInput
 
 @dataclass(frozen=True, kw_only=True)
 class Cost(HtmlText):
-    """What a fit with its profiles is expected to take, on this machine.
+    """Expected cost of a fit with its profiles on this machine.
 
-    ``expected`` holds the evaluations of its parts; ``evaluations``, ``runs`` and ``seconds`` are
-    least and most of the whole. The plan took ``planning_runs`` and ``planning_s``; an evaluation
-    takes ``runs_each`` runs and ``seconds_each`` with this many ``workers``, as measured over a
-    Jacobian at the start. ``memory_bytes`` is the most that all processes held until then (NaN: not
-    known here); a fit takes more.
+    ``expected`` has evaluations by part; ``evaluations``, ``runs`` and ``seconds`` are least and
+    most of the whole. The plan took ``planning_runs`` and ``planning_s``; an evaluation of a
+    Jacobian took ``runs_each`` and ``seconds_each`` with ``workers`` processes and at most
+    ``memory_bytes`` (NaN: unknown).
     """
 
     expected: Expected
@@ -57,14 +56,15 @@ def cost(
     profiles: bool = True,
     bootstrap: int = 0,
 ) -> Cost:
-    """What a fit of a problem and its profiles will cost: planned, and one Jacobian measured.
+    """Plan a fit with its profiles and measure one Jacobian: what it will cost.
 
     Args:
-        problem: What is looked for, and from what.
-        method: As `fit` takes it.
-        starts: As `fit` takes it.
-        profiles: Whether profiles are to be scanned.
-        bootstrap: Synthetic data sets that are to be fitted anew.
+        problem: The problem.
+        method: Algorithm 2; None: as the campaign states, none without its table [continuation].
+        starts: 1: the problem's start, and a search within the bounds only if noise does not
+            explain that fit; more: always a search; None: the campaign's, else 3.
+        profiles: Whether profiles are scanned.
+        bootstrap: Synthetic data sets to refit; 0: none.
 
     Raises:
         BadInput: the problem cannot be planned, or settings out of their range.

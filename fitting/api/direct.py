@@ -48,21 +48,20 @@ def fit_trace(  # noqa: PLR0913 - keywords that all have defaults
     The FMU begins at the first sample with its start values, as `Trace` with ``start="rest"``.
 
     Args:
-        fmu: The FMU, its path, or the name of a model that is shipped.
+        fmu: The FMU, its path, or a model of this project.
         time_s: Times of all samples, shape (n,), s, evenly spaced.
-        inputs: Values of each input at these times, shape (n,), in the FMU's unit, joined by
-            straight lines, or a declared `Pulse` or `Chirp`; empty: nothing drives the FMU.
+        inputs: Values of each input at these times, shape (n,), in the FMU's unit, joined linearly,
+            or a `Pulse` or `Chirp`; empty: no drive.
         outputs: Measured values of each output, shape (n,), in the FMU's unit.
-        parameters: Start, lower and upper bound by the FMU's name, in its unit or as texts with a
-            unit: ``{"c": (0.2, 0.01, 4.0)}``; or `Parameter` records.
-        sigma: Standard deviation of the values, in their unit, of all or by output; 0: the
-            residuals show it.
-        start_values: Start values of other variables of the FMU.
-        derived: Outputs of the FMU that are reported with their errors.
+        parameters: Start, lower and upper bound by the FMU's name, in its unit or with a unit:
+            ``{"c": (0.2, 0.01, 4.0)}``; or `Parameter` records.
+        sigma: Standard deviation of all values or by output, in their unit; 0: from the residuals.
+        start_values: Start values of other variables.
+        derived: Outputs of the FMU that are reported with errors.
         starts: See `fit`.
 
     Returns:
-        Values with intervals, as `profile` gives them.
+        Values with intervals, as of `profile`.
 
     Raises:
         BadInput: names, shapes or units that do not fit the FMU.
@@ -116,21 +115,22 @@ def fit_sweep(  # noqa: PLR0913 - keywords that all have defaults
         p = argmin sum_k |L_k - g A(f_k; p)|^2        g by least squares, complex for complex values
 
     Args:
-        fmu: The FMU, its path, or the name of a model that is shipped.
+        fmu: The FMU, its path, or a model of this project.
         frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
-        values: Measured peak amplitudes or complex values, Re[values exp(i 2 pi f t)], shape (n,),
-            in any unit; the residuals show their noise.
-        parameters: As of `fit_trace`.
-        input_name: The FMU's input that the tone drives; empty: its only one.
-        tone_names: Parameters of the FMU that hold frequency and amplitude of a tone of its own;
-            None: an input is driven.
-        output_name: The FMU's output that is observed; empty: its only one.
-        start_values: Start values of other variables of the FMU.
-        derived: Outputs of the FMU that are reported with their errors.
+        values: Peak amplitudes or complex values, Re[values exp(i 2 pi f t)], shape (n,), any unit;
+            noise is estimated from the residuals.
+        parameters: Start, lower and upper bound by the FMU's name, in its unit or with a unit:
+            ``{"c": (0.2, 0.01, 4.0)}``; or `Parameter` records.
+        input_name: The driven input; empty: the only one.
+        tone_names: Parameters for frequency and amplitude of a tone of the FMU; None: an input is
+            driven.
+        output_name: The observed output; empty: the only one.
+        start_values: Start values of other variables.
+        derived: Outputs of the FMU that are reported with errors.
         starts: See `fit`.
 
     Returns:
-        Values with intervals, as `profile` gives them.
+        Values with intervals, as of `profile`.
 
     Raises:
         BadInput: names, shapes or units that do not fit the FMU; several inputs or outputs, and

@@ -14,11 +14,11 @@ CAMPAIGN = "campaign.toml"
 
 
 def example(name: str = "string_q1", out: str | Path | None = None) -> Path:
-    """Path of the campaign.toml of a shipped example, to be read as it stands, or to be changed.
+    """Path of the campaign.toml of a shipped example.
 
     Args:
-        name: Which one, as ``fmu-fit example`` lists them.
-        out: New or empty folder for a copy of all its files; None: no copy.
+        name: Of `fmu-fit example`'s list.
+        out: New or empty folder for a copy of all files; None: no copy.
 
     Raises:
         BadInput: there is none of that name, or the folder holds something already.

@@ -59,25 +59,23 @@ REVIEWS = 2
 @checked
 @dataclass(frozen=True)
 class Tikhonov:
-    """Algorithm 2: a sum of |r| and nu/2 |x|^2, nu taken back level by level.
+    """Algorithm 2: a sum of |r| and nu/2 |x|^2, nu lowered level by level.
 
         nu_l = nu beta^l,  l < levels        x = (p - reference)/scale
 
     Args:
-        nu: First weight of the Tikhonov term, without unit, zero or more.
-        beta: Factor from one weight to the next, above 0 and below 1.
-        levels: How many weights, at least 1.
-        tolerance: Levels end early where |x_(l+1) - x_l| + |J_fit - J_reg| falls to it.
-        misfit: "slack": |r| with slack variables, as "absolute" is, too; "squares": r^2; None:
-            "squares" where a trace is among the measurements, else "slack".
-        estimator: Whose estimate is reported as the value: "likelihood": the most likely one;
-            "algorithm2": the paper's, the end of the last level. Errors, intervals and verdicts are
-            the likelihood's.
-        path: Whether the levels are carried out, as published; `Fit.path` has them. Values of the
-            likelihood do not rest on them, those of the paper do.
-        global_path: Whether each level is minimised over the whole box as well, by a multistart:
-            `Fit.global_path`.
-        quick: Whether the levels are left out, the same as ``path=False``.
+        nu: First weight of the Tikhonov term, at least 0, without unit.
+        beta: Factor between weights, in (0, 1).
+        levels: Number of weights, at least 1.
+        tolerance: Levels end early where |x_(l+1) - x_l| + |J_fit - J_reg| is not above it.
+        misfit: "slack" (as "absolute"): |r| with slack variables; "squares": r^2; None: "squares"
+            with a trace, else "slack".
+        estimator: Of the reported value: "likelihood", or "algorithm2": the end of the last level.
+            Errors are the likelihood's.
+        path: Whether levels are computed (`Fit.path`); the likelihood's values do not need them.
+        global_path: Whether each level is also minimised within all bounds by a multistart
+            (`Fit.global_path`).
+        quick: The same as ``path=False``.
 
     Raises:
         BadInput: a number out of its range, an unknown misfit or estimator.
@@ -161,14 +159,12 @@ class Tikhonov:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Value(HtmlText, FittedEstimate):
-    """One parameter or derived output: what the data determine, all numbers in ``unit``.
+    """One parameter or derived output with what the data determine, in ``unit``.
 
-    ``value`` is the most likely one, or the paper's if that was asked for (`Tikhonov.estimator`);
-    it and ``std`` are nan where the data leave it open on a side, ``likely`` is the most likely one
-    all the same. Errors are the likelihood's. ``status`` is one of `Verdict`, with a ``reason``;
-    ``bounds`` are what it could be without any data, ``algorithm2`` the end of Algorithm 2 (nan for
-    values of single experiments). ``scan`` are the points of its profile likelihood, None where
-    none was scanned. The names that 0.2.0 had work with a warning until 0.4.
+    ``value`` is the most likely one, or that of `Tikhonov.estimator`; it and ``std`` are nan where
+    the data leave a side open, ``likely`` is not. Errors are the likelihood's. ``status`` is a
+    `Verdict` with a ``reason``, ``bounds`` the allowed values, ``algorithm2`` the end of Algorithm
+    2, ``scan`` the profile or None. Names of 0.2.0 work with a warning until 0.4.
     """
 
     scan: Scan | None = None
@@ -435,10 +431,9 @@ class Valued(HtmlText, ABC):
 
 
 class Fit(Valued):
-    """A solved problem; its values have the errors of the problem linearised at its solution.
+    """A solved problem; its values have linearised errors.
 
-    ``record`` is all that the search found, ``problem`` what was solved, ``command`` what made
-    its result, for the record.
+    ``record`` is the search's result, ``problem`` what was solved, ``command`` its origin.
     """
 
     command = "fitting.fit"
@@ -515,9 +510,9 @@ class Fit(Valued):
 
 
 class Inference(Valued):
-    """What the data of a fit determine: its values have the intervals of profile likelihoods.
+    """What the data of a fit determine: values with intervals of profile likelihoods.
 
-    ``fit`` is what it is of, ``record`` all that was inferred.
+    ``fit`` was examined, ``record`` is the result.
     """
 
     _fit: Fit | None
@@ -574,13 +569,13 @@ class Inference(Valued):
 
 
 def read_result(path: str | Path) -> Inference:
-    """Read a ``result.json``: the values as `profile` returned them, for plots and other commands.
+    """Read a ``result.json``: values as of `profile`, for plots and other commands.
 
     Args:
         path: Of the file, of schema 1 (release 0.2.0) or 2.
 
     Returns:
-        An `Inference` with all but its ``fit``: ``result`` holds what the file holds.
+        An inference with ``result`` and without ``fit``.
 
     Raises:
         BadInput: it is no such file; names the key.
@@ -600,21 +595,19 @@ def fit(
     progress: Callable[[Progress], None] | None = None,
     memory: Memory | None = None,
 ) -> Fit:
-    """The most likely parameters of a problem, for every alternative, and the paper's Algorithm 2.
+    """The most likely parameters of a problem, for every alternative, and Algorithm 2.
 
     Args:
-        problem: What is looked for, and from what.
-        method: Algorithm 2; None: as the campaign states, none without a table [continuation].
-        starts: 1: the problem's own, and a search of the box only where noise does not explain
-            what the descent from there leaves; more: a search in any case; None: as the campaign
-            states, 3 without one.
-        seed: Of the search; None: as the campaign states, 1 without one.
-        progress: Called before every alternative and every level with the state of the fit.
-        memory: Where finished levels are kept, to go on after an interruption; `kept_levels`
-            makes one.
+        problem: The problem.
+        method: Algorithm 2; None: as the campaign states, none without its table [continuation].
+        starts: 1: the problem's start, and a search within the bounds only if noise does not
+            explain that fit; more: always a search; None: the campaign's, else 3.
+        seed: Of the search; None: the campaign's, else 1.
+        progress: Called before every alternative and level.
+        memory: Where finished levels are kept for a later run, by `kept_levels`.
 
     Returns:
-        The best that was found: ``fit["name"]`` is a value with its error and verdict.
+        The best fit; ``fit["name"]`` is a value with error and status.
 
     Raises:
         BadInput: the problem cannot be planned, or settings out of their range.
@@ -693,22 +686,20 @@ def profile(
     bootstrap: int = 0,
     progress: Callable[[Spent], None] | None = None,
 ) -> Inference:
-    """Walk profile likelihoods: intervals and verdicts that do not rest on a linearisation.
+    """Scan profile likelihoods: intervals and statuses without a linearisation.
 
         Dchi^2(c) = min { chi^2(p) : g(p) = c } - min chi^2        <= 1 (68 %), <= 3.84 (95 %)
 
-    A failure on the way costs the profiles, not the values: `Inference.warnings` then states so.
-    Where profiles come by a lower minimum than the fit's, `Inference.fit` is the one made from it.
+    If profiles fail, the values remain and `Inference.warnings` states why. If they lead to a lower
+    minimum, `Inference.fit` is the fit there.
 
     Args:
         fit: A solved problem.
-        names: Parameters and derived outputs that are profiled; None: all. The rest keeps
-            linearised errors.
-        budget: Runs of the FMU, about, at most; values whose search they cut are marked. None:
-            500,000, or 3,000 evaluations where that is more.
-        bootstrap: Synthetic data sets that are fitted anew besides; 0: none.
-        progress: Called when a stage begins and before every batch, with the stage in words and
-            the evaluations in it and before it.
+        names: Parameters and derived outputs; None: all. Others keep linearised errors.
+        budget: Runs of the FMU, about; incomplete searches are marked. None: 500,000, or 3,000
+            evaluations if that is more.
+        bootstrap: Synthetic data sets to refit; 0: none.
+        progress: Called before every stage and batch with the stage and its evaluations.
 
     Raises:
         BadInput: a name that the fit has not, or a budget that was spent before there was any.

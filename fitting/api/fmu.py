@@ -60,18 +60,18 @@ Result = TypeVar("Result")
 @checked
 @dataclass(frozen=True)
 class Accuracy:
-    """How accurate simulated amplitudes are wanted, and what their plan has to keep to.
+    """How accurately amplitudes are simulated, and what the plan must use.
 
     Args:
-        relative: Wanted largest error, above 0 and below 1: of a drive relative to each amplitude,
-            of a sweep to the largest; None: 1e-6 of a drive, 1e-4 of a sweep.
-        settle_s: Time before sampling, in a sweep at every point, s; None: found by watching the
-            amplitudes. What a given time leaves of the transient is a part of the promise.
-        window_s: Length of the spectrum that is shown of a drive, s; None: some common periods.
-        samples: Number of samples in it; None: by the band.
-        force: Reductions of the model that a drive takes, whatever they cost.
-        forbid: Reductions that it does not take.
-        work: Communication steps and substeps that a run may take, at most; None: 2e6.
+        relative: Largest relative error of each amplitude of a drive, of a sweep over its largest,
+            in (0, 1); None: 1e-6 of a drive, 1e-4 of a sweep.
+        settle_s: Time before sampling, in a sweep at every point, s; None: until the amplitudes are
+            steady. The promised error includes the transient that is left.
+        window_s: Length of the shown spectrum of a drive, s; None: some common periods.
+        samples: Samples in it; None: by the band.
+        force: Reductions of the model to use, whatever they cost.
+        forbid: Reductions not to use.
+        work: Most communication steps and substeps of a run; None: 2e6.
 
     Raises:
         BadInput: a number out of its range.
@@ -120,22 +120,20 @@ class Fmu:
     """An FMU: its variables, and worker processes that run it.
 
     Args:
-        source: Path of an FMU file (FMI 2.0 or 3.0), or the name of a model of this project, as
-            "CoupledOscillator", which is built on the spot.
-        workers: Number of processes, at least 1; they start at the first run, or with a
-            ``with`` block, and end with it, with ``close``, or when nothing refers to this object
-            any more.
-        timeout_s: Longest time for one run, s; then the FMU counts as failed.
-        timeout_name: What complaints call that time.
-        isolate: Whether its processes run with limits of memory, processor time, open files and
-            written bytes, in a folder of their own and without network; "strict": a system that
-            cannot hold all of it is refused; or these limits.
-        interface: By which it is run, "co-simulation" or "model-exchange", whose equations are
-            integrated here; None: the first of these that it offers.
-        native: Whether a model of this project is compiled from C, where there is a compiler: the
-            same numbers, faster.
-        output_delay_steps: Communication steps by which its outputs come late, at least 0: they are
-            read so many steps later, which co-simulation alone has.
+        source: Path of an FMU (FMI 2.0 or 3.0), or a model of this project, as "CoupledOscillator".
+        workers: Processes, at least 1; they start at the first run or with a ``with`` block, and
+            end with it, with `close` or with this object.
+        timeout_s: Longest run, s; then the FMU has failed.
+        timeout_name: Name of that time in errors.
+        isolate: Whether runs have limits of memory, processor time, open files and written bytes, a
+            folder of their own and no network; "strict": an error where the system cannot enforce
+            all; or an `Isolation`.
+        interface: "co-simulation" or "model-exchange", whose equations are integrated here; None:
+            the first that the FMU offers.
+        native: Whether a model of this project is compiled from C, if there is a compiler: the same
+            numbers, faster.
+        output_delay_steps: Communication steps by which outputs come late, at least 0: they are read
+            so much later (co-simulation).
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
@@ -220,19 +218,18 @@ class Fmu:
         """Drive the FMU with some tones and read its steady response.
 
         Args:
-            start_values: Start values by variable: numbers in the FMU's units, or texts such as
-                "6.94 MHz"; the others are the FMU's own.
-            tones: Parameters of the FMU that hold the frequencies of the tones; with ``drive`` the
-                frequencies themselves, in Hz or as "280 Hz".
-            drive: What makes tones of these frequencies: an input of the FMU, or parameters that
-                are set; None: the FMU does, by its start values.
-            outputs: Names of outputs; none: the first continuous one.
-            accuracy: Wanted largest relative error of every amplitude, between 0 and 1, or an
-                `Accuracy` with more to keep to; None: 1e-6, or what the FMU can give.
+            start_values: By variable: numbers in the FMU's units, or texts as "6.94 MHz"; others
+                are the FMU's own.
+            tones: Parameters of the FMU that hold the frequencies; with ``drive`` frequencies, in
+                Hz or as "280 Hz".
+            drive: An input of the FMU that is driven, or parameters that are set; None: start
+                values alone drive it.
+            outputs: Names; none: the first continuous output.
+            accuracy: Largest relative error of every amplitude, in (0, 1), or an `Accuracy`; None:
+                1e-6, or the FMU's best.
 
         Returns:
-            ``peaks`` (tones, outputs) in the outputs' units, spectrum, traces, and the plan with
-            the promised accuracy.
+            ``peaks`` (tones, outputs) in the outputs' units, spectrum, traces, and the plan.
 
         Raises:
             BadInput: names, values or units that do not fit the FMU.
@@ -253,17 +250,21 @@ class Fmu:
         outputs: str | Sequence[str] = (),
         accuracy: float | Accuracy | None = None,
     ) -> DrivePlan:
-        """The plan on which `simulate` stands, without the response: settling, windows, settings.
+        """The plan of `simulate`, without the response: settling, windows, settings.
 
         Args:
-            start_values: As `simulate` takes them.
-            tones: Likewise.
-            drive: Likewise.
-            outputs: Likewise.
-            accuracy: Likewise.
+            start_values: By variable: numbers in the FMU's units, or texts as "6.94 MHz"; others
+                are the FMU's own.
+            tones: Parameters of the FMU that hold the frequencies; with ``drive`` frequencies, in
+                Hz or as "280 Hz".
+            drive: An input of the FMU that is driven, or parameters that are set; None: start
+                values alone drive it.
+            outputs: Names; none: the first continuous output.
+            accuracy: Largest relative error of every amplitude, in (0, 1), or an `Accuracy`; None:
+                1e-6, or the FMU's best.
 
         Returns:
-            ``budget`` holds the decisions with what they promise, ``promised`` their sum.
+            ``budget`` has the decisions with their errors, ``promised`` is the sum.
 
         Raises:
             BadInput: as `simulate`.
@@ -292,21 +293,18 @@ class Fmu:
     ) -> SweepResponse:
         """Move a tone through the FMU while it runs and read the amplitude at every point.
 
-        Other tones of the FMU do not drive: their amplitudes are set to zero, see `other_tones`.
-
         Args:
             frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
-            start_values: Start values by variable: numbers in the FMU's units, or texts such as
-                "0.3 m/s2"; the others are the FMU's own.
-            tone: The tunable parameter of the FMU that is moved.
+            start_values: By variable: numbers in the FMU's units, or texts as "6.94 MHz"; others
+                are the FMU's own.
+            tone: The tunable parameter that is moved.
             output: The output that is read; empty: the first continuous one.
             directions: Any of "up" and "down".
-            accuracy: Wanted largest error relative to the largest amplitude, between 0 and 1, or
-                an `Accuracy` with the time to settle at every point; None: 1e-4, or what the FMU
-                can give.
+            accuracy: Largest error over the largest amplitude, in (0, 1), or an `Accuracy` with the
+                time to settle at every point; None: 1e-4, or the FMU's best.
 
         Returns:
-            ``curves`` of amplitudes (n,) by direction, in the output's unit, and their jumps.
+            ``curves`` of amplitudes (n,) by direction, in the output's unit, with their jumps.
 
         Raises:
             BadInput: names, values or units that do not fit the FMU, frequencies that do not rise.
@@ -325,11 +323,12 @@ class Fmu:
     def other_tones(
         self, tones: Sequence[str], start_values: Mapping[str, Scalar] | None = None
     ) -> tuple[OtherTone, ...]:
-        """Tones by which the FMU drives besides some: named like them, with an amplitude.
+        """Further tones by which the FMU drives itself: parameters named like the known ones.
 
         Args:
             tones: Parameters that hold the frequencies of the known tones.
-            start_values: Start values by variable; the others are the FMU's own.
+            start_values: By variable: numbers in the FMU's units, or texts as "6.94 MHz"; others
+                are the FMU's own.
 
         Returns:
             ``frequency`` and ``amplitude``, the parameters of each.
@@ -337,14 +336,14 @@ class Fmu:
         return other_tones(tones, start_values or {}, self.variables)
 
     def sideband(self, response: DriveResponse) -> Sideband | None:
-        """What a line next to the tones is, where it keeps the amplitudes from standing still.
+        """The origin of a line next to the tones that keeps the amplitudes from being steady.
 
         Args:
             response: What `simulate` returned.
 
         Returns:
-            ``tone``, ``sign`` and ``parameter``: the line is at their sum or difference; None where
-            there is no such line, or not one parameter of the FMU with that frequency.
+            ``tone``, ``sign`` and ``parameter``, whose sum or difference is the line's frequency;
+            None without such a line, or without exactly one such parameter.
         """
         if response.other_line is None:
             return None
@@ -359,7 +358,7 @@ class Fmu:
             response: What `simulate` returned.
 
         Returns:
-            Their names; none where there is no such line, or no single parameter damps it.
+            Their names; none without such a line, or if no single parameter damps it.
 
         Raises:
             FmuFailure: the FMU's process does not answer.
@@ -370,7 +369,7 @@ class Fmu:
 
     @renamed
     def write(self, result: DriveResponse | SweepResponse, out: str | Path) -> tuple[Path, ...]:
-        """Write what the command line writes of a response: CSV tables and figures.
+        """Write CSV tables and figures of a response, as the commands do.
 
         Args:
             result: What `simulate` or `sweep` returned.
@@ -380,7 +379,7 @@ class Fmu:
             The files.
 
         Raises:
-            BadInput: the folder cannot be written, or holds files of these names that are not ours.
+            BadInput: the folder cannot be written, or holds other files of these names.
         """
         description = self.description
         if isinstance(result, DriveResponse):

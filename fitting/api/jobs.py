@@ -41,23 +41,22 @@ def identify(  # noqa: PLR0913 - keywords, of which most have defaults
     settings: Mapping[str, Scalar] | None = None,
     progress: Callable[[Spent], None] | None = None,
 ) -> Identification:
-    """What data determine, before any fit or around one: directions, profiles, verdicts.
+    """What data determine, before a fit or around one: directions, profiles, statuses.
 
     Args:
-        problem: What is fitted, and to what.
-        at: A fit to set out from; None: the problem's start and reference values.
-        expected: Not the measured data, but those that the model expects there, with their noise.
-        seed: Of further starts and of synthetic data sets, at least 0.
-        budget: Runs of the FMU, about, at most; values whose search it cut are marked. None:
-            500,000, or 3,000 evaluations where that is more.
-        bootstrap: Synthetic data sets that are fitted anew; 0: none.
-        settings: Also what was measured where settings have these values, alone, as `Problem.part`
-            takes them.
-        progress: Called as `profile` calls it.
+        problem: The problem.
+        at: A fit to start from; None: the problem's start and references.
+        expected: Data that the model expects there, with their noise, instead of the measured.
+        seed: Of further starts and synthetic data, at least 0.
+        budget: Runs of the FMU, about; incomplete searches are marked. None: 500,000, or 3,000
+            evaluations if that is more.
+        bootstrap: Synthetic data sets to refit; 0: none.
+        settings: Also what measurements at these settings determine alone, as of `Problem.part`.
+        progress: Called before every stage and batch with the stage and its evaluations.
 
     Returns:
-        ``parameters`` and ``derived`` hold the values, ``knowledge`` what was found besides,
-        ``at`` where it set out from, ``part`` what the measurements at ``settings`` determine.
+        ``parameters`` and ``derived`` values, ``knowledge``, the start ``at``, and ``part``, the
+        result at ``settings``.
 
     Raises:
         BadInput: the problem cannot be planned, the fit is of another one, or of other data, or
@@ -127,15 +126,15 @@ def report(
     style: str = "report",
     formats: Sequence[str] = (),
 ) -> Path:
-    """Write what the command line writes: result.json, history.csv, values, figures, report.html.
+    """Write result.json, history.csv, values, figures and report.html, as the command does.
 
     Args:
-        result: A fit, or what was inferred of one.
+        result: A fit or inference.
         out: Folder, made where there is none.
         external: Values from elsewhere to test, as "lambda=0.8604 MHz +- 1 kHz".
-        style: "paper" writes the figures as PDF for print, too: no title, one column or two wide;
-            "interactive": figures of the page can be zoomed and read off, which needs Bokeh.
-        formats: Of further files of each figure next to SVG and CSV: "png", "pdf".
+        style: "paper": figures also as PDF for print, without title, one or two columns wide;
+            "interactive": figures can be zoomed, needs Bokeh.
+        formats: Further formats of figures next to SVG and CSV: "png", "pdf".
 
     Returns:
         The path of report.html.

@@ -106,64 +106,58 @@ class FittedLine(MeasuredLine, HtmlText):
 class Line(FittedLine, sweeps.Line):
     """One resonance of a measured response; printed as by the command ``line``.
 
-    Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
-    68 of 100 such sweeps, ``ci95`` that holds it in 95, and ``unit``.
-
     Attributes:
         frequency: eigenfrequency, Hz.
-        width: full width at half of the power, Hz.
-        q: their ratio.
+        width: FWHM of the power, Hz.
+        q: frequency/width.
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
-        wiring: the form that was taken.
-        forms: every form that was tried, the one that was taken first.
-        readings: where the line is a dip, what it means in each wiring.
-        structure: what the residuals show of the noise, ``dof`` its degrees of freedom.
-        rms_residual: root mean square of the residuals, over ``amplitude``.
-        points: what was measured and fitted.
+        wiring: its form.
+        forms: compared forms, the chosen one first.
+        readings: meanings of a dip.
+        structure: tests of the residuals.
+        rms_residual: over ``amplitude``.
+        points: measured and fitted values.
 
-    `fitting.lines.line.Line` has the rest.
+    Each number has ``value``, ``std``, ``ci95`` and ``unit``. `fitting.lines.line.Line` has the
+    rest.
     """
 
 
 class Ringdown(FittedLine, decays.Ringdown):
     """One resonance of a ringdown; printed as by the command ``line``.
 
-    Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
-    68 of 100 such records, ``ci95`` that holds it in 95, and ``unit``.
-
     Attributes:
-        frequency: at which it rings, Hz; NaN where the record does not determine it.
-        eigenfrequency: that of the mode without damping, as a sweep has it, Hz.
+        frequency: of the decay, Hz; NaN where the record does not determine it.
+        eigenfrequency: without damping, as in a sweep, Hz.
         offset: of demodulated values, from the reference, Hz.
-        width: full width at half of the power, Hz.
+        width: FWHM of the power, Hz.
         q: their ratio.
-        decay_time: in which the amplitude falls to 1/e, s.
-        amplitude: at the first sample that is used, in ``unit``.
-        is_noise: whether the residuals are noise, by all tests.
-        rms_residual: root mean square of the residuals, over ``amplitude``.
-        points: what was recorded and fitted.
+        decay_time: of the amplitude to 1/e, s.
+        amplitude: at the first used sample, in ``unit``.
+        is_noise: whether the residuals pass all tests for noise.
+        rms_residual: over ``amplitude``.
+        points: recorded and fitted values.
 
-    `fitting.lines.ringdown.Ringdown` has the rest.
+    Each number has ``value``, ``std``, ``ci95`` and ``unit``. `fitting.lines.ringdown.Ringdown` has
+    the rest.
     """
 
 
 class NoiseLine(FittedLine, spectra.NoiseLine):
     """One resonance of a noise spectrum; printed as by the command ``line``.
 
-    Numbers are `Estimate` records: ``value``, ``std``, half of the interval that holds the truth in
-    68 of 100 such spectra, ``ci95`` that holds it in 95, and ``unit``.
-
     Attributes:
         frequency: eigenfrequency, Hz.
-        width: full width at half of the density, Hz.
-        q: their ratio.
-        rms: root mean square of the line over all frequencies, in ``unit``.
-        floor: white density under it, ``unit`` squared per Hz.
-        averages: of how many periodograms the points are averages, as they scatter.
+        width: FWHM of the density, Hz.
+        q: frequency/width.
+        rms: of the line over all frequencies, in ``unit``.
+        floor: white density, ``unit`` squared per Hz.
+        averages: averaged periodograms, estimated from the scatter.
         second: a further line; None without.
-        is_noise: whether the residuals are the scatter of such averages, by all tests.
-        points: what was measured and fitted.
+        is_noise: whether the residuals pass all tests for noise.
+        points: measured and fitted values.
 
+    Each number has ``value``, ``std``, ``ci95`` and ``unit``.
     `fitting.lines.noise_spectrum.NoiseLine` has the rest.
     """
 
@@ -207,33 +201,32 @@ def line(  # noqa: PLR0913 - what a line may be asked to be
     delay: bool | None = None,
     columns: Columns | None = None,
 ) -> Line:
-    """One resonance of a measured response: eigenfrequency, full width and quality, with errors.
+    """One resonance of a measured response: eigenfrequency, FWHM and quality factor, with errors.
 
-    What is next to the line, nothing, a constant or a slope, is found by comparing, see
-    `fitting.lines.form` for the formula. Where points outside of ``within_hz`` show another
-    line, its tail is fitted, too. Errors hold for noise as it is seen in what the fit
-    leaves, and are wider where neighbouring points follow each other.
+    Forms with nothing, a constant or a slope next to the line (`fitting.lines.form`) are compared.
+    The tail of a line outside of ``within_hz`` is fitted, too. Errors are from the scatter and
+    correlation of the residuals.
 
     Args:
-        source: A file, whose kind is recognised; or frequencies, shape (n,), Hz.
+        source: A file; or frequencies, shape (n,), Hz.
         values: With frequencies: amplitudes, or complex values whose phase falls over a resonance,
             shape (n,).
-        unit: Of these values.
-        within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
-        wiring: "transmission", "fano", "sloped", "notch" or "reflection", of amplitudes also
-            "offset", "floor", "rice", "single" or "tail"; empty: they are compared.
-        shape: "lorentzian", "fano", "duffing", "notch" or "reflection"; with the next two in place
-            of ``wiring``. Empty: compared, or a Lorentzian where one of them is given.
-        background: What is added to the line: "none", "constant" or "slope", or "tail", that of a
-            line beyond the points; empty: compared, or none.
-        noise: Of amplitudes: "normal"; "power" or "amplitude", which were averaged; "readings",
-            each in the noise of X and Y; empty: compared, or normal.
+        unit: Of the values.
+        within_hz: First and last frequency, Hz; None: all.
+        wiring: "transmission", "fano", "sloped", "notch" or "reflection"; of amplitudes also
+            "offset", "floor", "rice", "single" or "tail"; empty: compared.
+        shape: "lorentzian", "fano", "duffing", "notch" or "reflection", instead of ``wiring``;
+            empty: compared, or Lorentzian if ``background`` or ``noise`` is given.
+        background: "none", "constant", "slope", or "tail" of a line beyond the points; empty:
+            compared, or none.
+        noise: Of amplitudes: "normal"; averaged "power" or "amplitude"; single "readings", in noise
+            of X and Y; empty: compared, or normal.
         delay: Whether the delay of a cable is fitted to complex values; None: compared.
         columns: Of a file, what it does not state.
 
     Returns:
-        ``frequency``, ``width``, ``q`` and ``amplitude``, each with its ``std`` and ``ci95``;
-        ``forms`` has what else was tried.
+        ``frequency``, ``width``, ``q``, ``amplitude`` with ``std`` and ``ci95``; compared
+        ``forms``.
 
     Raises:
         BadInput: a file that is not read, no resonance, one that the ends of the sweep cut off, two
@@ -275,28 +268,25 @@ def ringdown(
     demodulated_at_hz: float | None = None,
     columns: Columns | None = None,
 ) -> Ringdown:
-    """One resonance of a free decay: frequency, full width, quality and decay time, with errors.
+    """One resonance of a free decay: frequency, FWHM, quality factor and decay time, with errors.
 
-    Samples of the motion, complex values of a demodulator, or amplitudes alone, which determine no
-    frequency. Where the decay begins is found. A constant next to it is solved for; a second line,
-    and a frequency or damping that follows the square of the amplitude, are looked for, see
-    `fitting.lines.ringdown` for the formula. Errors hold for noise as it is seen in what the
-    fit leaves, and are wider where neighbouring samples follow each other.
+    Of samples of the motion, complex values of a demodulator, or amplitudes, which determine no
+    frequency. The begin of the decay and a constant are fitted; a second line and a frequency or
+    damping linear in the squared amplitude are looked for (`fitting.lines.ringdown`). Errors are
+    from the scatter and correlation of the residuals.
 
     Args:
-        source: A file, whose kind is recognised; or times, evenly spaced, shape (n,), s.
-        values: With times: samples or amplitudes, or complex values with phases as
-            Re[value exp(i 2 pi f t)], shape (n,).
-        unit: Of these values.
-        within_s: First and last time that are taken, s; None: as far as there are samples.
-        demodulated_at_hz: The frequency of the demodulator, Hz; None: the file's, if it
-            states one.
+        source: A file; or times, evenly spaced, shape (n,), s.
+        values: With times: samples, amplitudes, or complex values, phases as Re[value exp(i 2 pi f
+            t)], shape (n,).
+        unit: Of the values.
+        within_s: First and last time, s; None: all.
+        demodulated_at_hz: Frequency of the demodulator, Hz; None: the file's.
         columns: Of a file, what it does not state.
 
     Returns:
-        ``width``, ``decay_time``, ``amplitude`` and, where the record determines them,
-        ``frequency`` and ``q``, each with its ``std`` and ``ci95``; ``forms`` has what else was
-        tried.
+        ``width``, ``decay_time``, ``amplitude`` and, if determined, ``frequency`` and ``q``, with
+        ``std`` and ``ci95``; compared ``forms``.
 
     Raises:
         BadInput: a file that is not read, no free decay, or too little of one.
@@ -328,21 +318,20 @@ def noise_line(
     within_hz: tuple[float | None, float | None] = (None, None),
     columns: Columns | None = None,
 ) -> NoiseLine:
-    """One resonance of a noise spectrum: eigenfrequency, full width, quality and rms, with errors.
+    """One resonance of a noise spectrum: eigenfrequency, FWHM, quality factor and rms, with errors.
 
-    The density is fitted by the likelihood of averages of periodograms, a line, or two, on a white
-    floor, see `fitting.lines.noise_spectrum` for the formula. How many were averaged follows from
-    the scatter.
+    One line or two on a white floor are fitted by the likelihood of averaged periodograms, whose
+    number follows from the scatter (`fitting.lines.noise_spectrum`).
 
     Args:
-        source: A file, whose kind is recognised; or frequencies, shape (n,), Hz.
-        density: With frequencies: densities above zero, in ``unit`` squared per Hz, shape (n,).
-        unit: Of what is seen, as "V"; "1": the numbers are relative.
-        within_hz: First and last frequency that are taken, Hz; None: as far as there are points.
+        source: A file; or frequencies, shape (n,), Hz.
+        density: With frequencies: densities above zero, ``unit`` squared per Hz, shape (n,).
+        unit: Of the signal, as "V"; "1": relative.
+        within_hz: First and last frequency, Hz; None: all.
         columns: Of a file, what it does not state.
 
     Returns:
-        ``frequency``, ``width``, ``q`` and ``rms``, each with its ``std`` and ``ci95``.
+        ``frequency``, ``width``, ``q`` and ``rms``, with ``std`` and ``ci95``.
 
     Raises:
         BadInput: a file that is not read, no line, a density that is not above zero, or too few
@@ -392,14 +381,14 @@ def write_line(result: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Pa
     """Write line.json, line.csv and a figure of data, fit and residual.
 
     Args:
-        result: What `line`, `ringdown` or `noise_line` returned.
+        result: Of `line`, `ringdown` or `noise_line`.
         out: Folder, made where there is none.
 
     Returns:
         The files.
 
     Raises:
-        BadInput: the folder cannot be written, or holds files of these names that are not ours.
+        BadInput: the folder cannot be written, or holds other files of these names.
     """
     # matplotlib takes a second to import: only where something is drawn
     report = importlib.import_module("fitting.report.line")

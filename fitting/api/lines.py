@@ -42,11 +42,11 @@ class LineRow:
 
     Attributes:
         file: its path.
-        control: the value that its name or its head has; without one the number of the file.
-        line: what was fitted; None where it failed.
-        reason: why it failed; else empty.
-        sweep: name of the sweep in a file that holds several; else empty.
-        number: of the line in its sweep, from 0, the one with the largest amplitude.
+        control: the value in its name or head; else the number of the file.
+        line: the fit; None where it failed.
+        reason: of the failure; else empty.
+        sweep: its name in a file with several; else empty.
+        number: of the line in its sweep, from 0, which has the largest amplitude.
         is_one_of_several: whether as many lines were requested as were fitted.
     """
 
@@ -108,8 +108,8 @@ class Lines:
     """The lines of many files, in their order, those of one sweep by rising frequency.
 
     Attributes:
-        rows: one for each file, or for each sweep in it, or each line that was requested.
-        control: name of the quantity that differs from file to file.
+        rows: one for each file, sweep or requested line.
+        control: quantity that differs from file to file.
         unit: of it; "1": none.
     """
 
@@ -169,24 +169,27 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
 ) -> Lines:
     """The lines of many files or sweeps, with the control that differs from file to file.
 
-    The control is a number in the names of the files, as ``Vg=-6`` or ``20mK``, else in the lines
-    above their tables. A file that fails is a row with its reason. A file that holds several sweeps
-    (HDF5, MATLAB, TDMS, LabOne) has a row for each of them, as if each were a file.
+    The control is a number in the files' names, as ``Vg=-6`` or ``20mK``, else above their tables.
+    A file that fails is a row with the reason; several sweeps in a file (HDF5, MATLAB, TDMS,
+    LabOne) have a row each.
 
     Args:
-        files: Their paths, each with sweeps, ringdowns or noise spectra; one alone with several
-            sweeps, or with ``count``.
+        files: Paths of sweeps, ringdowns or noise spectra; a single one with several sweeps, or
+            with ``count``.
         kind: Of files over frequency: "noise" or "sweep"; empty: by unit and name.
-        within: First and last frequency that are taken, Hz, of ringdowns times, s; None: all.
-        wiring: Of sweeps, see `line`.
-        shape: Of sweeps, see `line`.
-        background: Of sweeps, see `line`.
-        noise: Of sweeps, see `line`.
-        delay: Of sweeps, see `line`.
-        demodulated_at_hz: Of ringdowns, the frequency of the demodulator, Hz.
-        count: How many lines each sweep has, fitted together, a row for each; "auto": as many as
-            its points show.
-        columns: What the files do not state.
+        within: First and last frequency, Hz, of ringdowns time, s; None: all.
+        wiring: "transmission", "fano", "sloped", "notch" or "reflection"; of amplitudes also
+            "offset", "floor", "rice", "single" or "tail"; empty: compared.
+        shape: "lorentzian", "fano", "duffing", "notch" or "reflection", instead of ``wiring``;
+            empty: compared, or Lorentzian if ``background`` or ``noise`` is given.
+        background: "none", "constant", "slope", or "tail" of a line beyond the points; empty:
+            compared, or none.
+        noise: Of amplitudes: "normal"; averaged "power" or "amplitude"; single "readings", in noise
+            of X and Y; empty: compared, or normal.
+        delay: Whether the delay of a cable is fitted to complex values; None: compared.
+        demodulated_at_hz: Frequency of the demodulator, Hz; None: the file's.
+        count: Lines of each sweep, fitted together, a row each; "auto": as many as the points show.
+        columns: Of a file, what it does not state.
 
     Raises:
         BadInput: one file with one sweep, or none of the files has a line.
@@ -275,14 +278,14 @@ def write_lines(result: Lines, out: str | Path) -> tuple[Path, ...]:
     """Write lines.csv and a figure of frequency and FWHM over the control.
 
     Args:
-        result: What `lines` returned.
+        result: Of `lines`.
         out: Folder, made where there is none.
 
     Returns:
         The files.
 
     Raises:
-        BadInput: the folder cannot be written, or holds files of these names that are not ours.
+        BadInput: the folder cannot be written, or holds other files of these names.
     """
     # matplotlib takes a second to import: only where something is drawn
     report = importlib.import_module("fitting.report.line")

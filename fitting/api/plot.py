@@ -1,9 +1,9 @@
-"""One plot each, into given axes: they take fits, inferences and values as well as records.
+"""Plots of fits, inferences, values and records, each into given axes, which it returns.
 
-profile               the profile likelihood of a value: `profile(found, "lambda")`
+profile               the profile likelihood of a value: `profile(result, "lambda")`
 parameter_path        parameters over the weight nu of the Tikhonov term
 objective_path        J_fit and J_reg over nu
-residuals             what the fit leaves of the peaks, in standard deviations
+residuals             residuals of the peaks, in standard deviations
 deviations            relative deviations of the peaks, before and after
 frequency_response    a sweep, measured and simulated
 line                  one resonance, measured and fitted, of `ff.line`
@@ -11,13 +11,13 @@ swept_tone            a simulated sweep, each way
 amplitude_spectrum    the spectrum of a simulated drive
 beating               its envelope over two beats
 periods               some of its periods
-measurement           what was measured next to the model's values: a panel of its own figure
+measurement           a measurement next to the model's values: a panel of its own figure
 drive_envelope        the envelope of an experiment's drive
 drive_periods         some periods of it
 candidates            the expected error of a design's target, by kinds of candidates
 expected_errors       the same, measurement by measurement
 
-Each returns the axes, computes and saves nothing, and keeps any style.
+They compute and save nothing, and keep any style.
 """
 
 from __future__ import annotations
@@ -83,11 +83,11 @@ def __dir__() -> list[str]:
 
 @renamed
 def profile(result: Inference | Value, name: str = "", *, ax: Axes | None = None) -> Axes:
-    """Draw a profile likelihood: the least Δχ² that fits reach at each value.
+    """Draw a profile likelihood: the least Δχ² of fits at each value.
 
     Args:
-        result: What `fitting.profile` returns, or one of its values; drawn in its unit.
-        name: Which value; empty: the only one that has a profile.
+        result: An inference, or one of its values; drawn in its unit.
+        name: Which value; empty: the only one with a profile.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
@@ -170,15 +170,13 @@ def deviations(result: Valued | Result, *, ax: Axes | None = None) -> Axes:
 
 @renamed
 def measurement(result: Valued, name: str = "", *, number: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw what was measured next to the model's values: a panel of a measurement's own figure.
-
-    Every kind of measurement has such figures; the report shows them whole.
+    """Draw a measurement next to the model's values: a panel of its own figure, as in the report.
 
     Args:
         result: A fit or an inference.
-        name: Which figure, as the report names its file, with its number or without ("spectra",
-            with the series behind it where there are several); empty: the first.
-        number: Which of its panels, from 0, row by row.
+        name: Of the figure's file in the report, with its number or without ("spectra", with the
+            series if there are several); empty: the first.
+        number: Of the panel, from 0, row by row.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
@@ -202,7 +200,7 @@ def frequency_response(result: Valued | Result, *, ax: Axes | None = None) -> Ax
     """Draw the sweep, measured and simulated.
 
     Args:
-        result: A fit, an inference, or a result, of a problem with one sweep.
+        result: A fit, an inference, or a result, with one sweep.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:
@@ -216,12 +214,12 @@ def frequency_response(result: Valued | Result, *, ax: Axes | None = None) -> Ax
 
 @renamed
 def line(result: MeasuredLine, *, number: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw one resonance: measured points and the line that was fitted to them.
+    """Draw one resonance: measured points and the fitted line.
 
     Args:
-        result: What `fitting.line`, `fitting.ringdown` or `fitting.noise_line` returns.
-        number: Which panel: 0 the measured values, the last what the fit leaves in % of the line's
-            height, between them the phase of complex values of a sweep.
+        result: Of `fitting.line`, `fitting.ringdown` or `fitting.noise_line`.
+        number: Of the panel: 0 the measured values, the last the residuals in % of the line's
+            height, between them the phase of complex values.
         ax: Where to draw; None: pyplot's current axes.
 
     Raises:

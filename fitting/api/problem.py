@@ -50,23 +50,22 @@ Respond = Callable[[Mapping[str, Scalar]], Response]
 
 
 class Problem:
-    """Parameters of an FMU that are fitted, and the measurements that they are fitted to.
+    """Fitted parameters of an FMU, and the measurements to which they are fitted.
 
-    Its functions of the parameters take p of the shape (n,) or any stack of such, (..., n), in the
-    parameters' units and in the order of ``names``; they have no memory and change nothing. They
-    are those of one of the ``alternatives``: the first, or that of `with_alternative`.
+    Its functions take parameters p, shape (n,) or (..., n), in their units and in the order of
+    ``names``; they are those of the first of the ``alternatives``, or of `with_alternative`.
 
     Args:
-        fmu: The FMU, its path, or the name of a model that is shipped.
-        parameters: What is looked for, one or several.
-        measurements: `Tones`, `Sweep`, `ComplexSweep`, `Trace`, `DemodulatedTrace`,
-            `NoiseSpectrum`, or records of a further kind
-            (`fitting.measurements.measurement.Measurement`), one or several, at least one fitted.
-        derived: Outputs of the FMU that are reported with their errors.
-        alternatives: Values to try by variable, in all combinations; a fit reports the best one.
-        noise: Noise of all amplitudes, next to the ``sigmas_v`` of the measurements.
-        accuracy: Wanted relative accuracy of simulated amplitudes, between 0 and 1; None: those of
-            the setups, or a tenth of the noise of the data.
+        fmu: The FMU, its path, or a model of this project.
+        parameters: One or several.
+        measurements: `Tones`, `Sweep`, `ComplexSweep`, `ControlSweep`, `Trace`, `DemodulatedTrace`,
+            `NoiseSpectrum`, or a further kind (`fitting.measurements.measurement.Measurement`), one
+            or several.
+        derived: Outputs of the FMU that are reported with errors.
+        alternatives: Values to try by variable, in all combinations; the best is reported.
+        noise: Noise of amplitudes, next to ``sigmas_v``.
+        accuracy: Relative accuracy of simulated amplitudes, in (0, 1); None: the setups', or a
+            tenth of the data's noise.
 
     Raises:
         BadInput: nothing to fit, or names, units or shapes that fit neither FMU nor each other.
@@ -114,12 +113,11 @@ class Problem:
         """The problem of one campaign, or of several of one sample together.
 
         Args:
-            campaigns: A campaign, its path, or several of them.
-            fmu: The FMU; None: the one that the campaigns name.
-            accuracy: Wanted relative accuracy of simulated amplitudes, between 0 and 1; None: the
-                campaigns' own.
-            start: Where the search sets out from: values by parameter in its unit, or the path of a
-                parameter set (.ssv); None: the campaigns' own.
+            campaigns: Campaigns or their paths.
+            fmu: The FMU; None: the campaigns'.
+            accuracy: Relative accuracy of simulated amplitudes, in (0, 1); None: the campaigns'.
+            start: Start of the search: values by parameter in its unit, or the path of a parameter
+                set (.ssv); None: the campaigns'.
 
         Raises:
             BadInput: campaigns that cannot be read, contradict each other or do not fit the FMU.
@@ -147,8 +145,7 @@ class Problem:
         """A problem whose model is another program than an FMU.
 
         Args:
-            respond: Makes the model of one alternative, a
-                `fitting.measurements.measurement.Response`.
+            respond: Makes the `fitting.measurements.measurement.Response` of one alternative.
             record: Parameters and measurements, a `fitting.fit.problem.Problem`.
         """
         made = cls.__new__(cls)
@@ -184,15 +181,13 @@ class Problem:
         return self._changed("objective", _alternative=number)
 
     def widened(self, factor: float, p: npt.ArrayLike) -> Problem:
-        """The same problem, whose rows of unknown noise constrain the parameters so much less.
+        """The same problem, whose rows of unknown noise constrain the parameters less.
 
             S(p) -> S(p0) + (S(p) - S(p0))/factor^2
 
-        Residuals that are correlated do: errors about p0 are wider by the factor.
-
         Args:
-            factor: At least 1.
-            p: p0, where the rows are described best, shape (n,).
+            factor: On errors, as for correlated residuals, at least 1.
+            p: p0, the best fit, shape (n,).
 
         Raises:
             BadInput: a factor below 1.
@@ -210,11 +205,11 @@ class Problem:
         return int(np.sum(~self.density.known))
 
     def part(self, settings: Mapping[str, Scalar]) -> Problem:
-        """The same problem with what was measured where settings have these values, alone.
+        """The same problem with only what was measured at these settings.
 
         Args:
-            settings: Values of control quantities or FMU variables that measurements set, by name,
-                in the unit that they are bound in.
+            settings: Values of control quantities or FMU variables by name, in the unit in which
+                they are bound.
 
         Raises:
             BadInput: a name that no measurement sets, values that nothing was measured at or
@@ -249,7 +244,7 @@ class Problem:
         """The same problem, its FMU by another plan.
 
         Args:
-            planned: the FMU with that plan.
+            planned: The FMU with that plan.
         """
         return self._changed("objective", planned=planned)
 
@@ -326,7 +321,7 @@ class Problem:
         """dr/dp, shape (..., m, n), one over the parameters' units, by central differences.
 
         Args:
-            p: Parameters, shape (..., n), in their units, inside the box.
+            p: Parameters, shape (..., n), in their units, within bounds.
 
         Raises:
             FmuFailure: the FMU failed at one of them.
@@ -356,10 +351,10 @@ class Problem:
         return self.density.logl(rows.reshape(-1, rows.shape[-1])).reshape(rows.shape[:-1])
 
     def logp(self, p: npt.ArrayLike) -> FloatArray:
-        """ln of posterior, shape (...), but for its constant: ln L and the logarithm of the prior.
+        """ln of the posterior but for a constant, shape (...): ln L plus ln of the prior.
 
-        The prior is uniform in the box, -inf outside, where nothing is simulated; a parameter with
-        a prior of its own has that Gaussian instead, likewise inside the box.
+        The prior is uniform within the bounds, or a parameter's Gaussian there; -inf outside,
+        without simulation.
 
         Args:
             p: Parameters, shape (..., n), in their units.
@@ -381,10 +376,10 @@ class Problem:
         """Rows of unit variance and their derivatives: r^T dr/dp = -d ln(posterior)/dp.
 
         Gaussian priors are rows, too: (p - reference)/prior_sigma. Shapes (m + k,), (m + k, n).
-        Rows of unknown noise have the scatter that they have at p, sqrt(S/nu).
+        Unknown noise is the scatter at p, sqrt(S/nu).
 
         Args:
-            p: Parameters, shape (n,), in their units, inside the box.
+            p: Parameters, shape (n,), in their units, within bounds.
 
         Raises:
             BadInput: as `logl`.

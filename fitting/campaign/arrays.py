@@ -46,20 +46,20 @@ from fitting.text.units import Written, as_written, checked_accuracy, written_va
 @checked
 @dataclass(frozen=True)
 class Parameter:
-    """A coefficient that is looked for: a Real parameter of the FMU and the box it lies in.
+    """A fitted Real parameter of the FMU with its bounds.
 
     Args:
-        name: The FMU's variable, or a coefficient that a law names.
-        start: Where the search begins, inside the box; a number in ``unit``, or a text with a unit
-            of its own as "400 Hz", like all that follow.
-        bounds: Lower and upper end of the box, in ``unit``.
-        unit: Of all plain numbers here; None: the FMU's.
-        reference: Where the Tikhonov term pulls to, in ``unit``; None: the start.
-        scale: The change that counts as one in the search vector, in ``unit``; None: half the box.
-        period: Values that far apart are the same system, in ``unit``; None: none are.
-        prior: Standard deviation of a Gaussian prior about ``reference``, in ``unit``; None: all
-            values in the box are equally likely.
-        scope: "campaign": one value for all data; "experiment": every experiment has its own.
+        name: A variable of the FMU, or a coefficient of a law.
+        start: Start of the search, within the bounds; in ``unit``, or, like all that follow, a text
+            as "400 Hz".
+        bounds: Lower and upper bound, in ``unit``.
+        unit: Of plain numbers; None: the FMU's.
+        reference: Centre of Tikhonov term and prior, in ``unit``; None: the start.
+        scale: Change by 1 of the search vector, in ``unit``; None: half the distance of the bounds.
+        period: Values that far apart are equal, in ``unit``; None: none are.
+        prior: Standard deviation of a Gaussian prior about ``reference``, in ``unit``; None:
+            uniform within the bounds.
+        scope: "campaign": one value; "experiment": one for each experiment.
 
     Raises:
         BadInput: bounds reversed, a start outside, numbers that are not finite or not positive.
@@ -89,37 +89,36 @@ class Parameter:
 
     @property
     def lower(self) -> float | str:
-        """Lower end of the box."""
+        """Lower bound."""
         return self.bounds[0]
 
     @property
     def upper(self) -> float | str:
-        """Upper end of the box."""
+        """Upper bound."""
         return self.bounds[1]
 
 
 @checked
 @dataclass(frozen=True, eq=False)
 class Tones:
-    """Amplitudes of a steady response, read under some tones at a time: m experiments.
+    """Amplitudes of a steady response under some tones at a time: m experiments.
 
     Args:
         setup: How the FMU is driven and what is observed.
         drive_hz: Frequencies of the tones, shape (m, k), Hz.
-        peaks_v: Measured peak amplitudes of the lines, shape (m, l), in ``amplitude_unit``; or
-            complex values z of Re[z exp(i 2 pi u t)], as a lock-in amplifier has them.
-        sigmas_v: Standard deviations of the amplitudes, or of each quadrature, shape (m, l), in
-            ``amplitude_unit``; NaN or None where they are not known.
+        peaks_v: Peak amplitudes of the lines, shape (m, l), in ``amplitude_unit``; or complex z,
+            Re[z exp(i 2 pi u t)].
+        sigmas_v: Standard deviations of amplitudes, or of each quadrature, shape (m, l), in
+            ``amplitude_unit``; NaN or None: unknown.
         lines_hz: Frequencies of the lines, shape (m, l), Hz; None: the tones.
-        settings: Start values of the FMU by variable, one for all experiments or (m,) of them, in
-            the FMU's units.
-        labels: Names of the experiments, m of them; None: "1", "2", ...
-        output: The FMU's output that these experiments observe; empty: the setup's.
+        settings: Start values of the FMU by variable, one or (m,), in the FMU's units.
+        labels: Names of the m experiments; None: "1", "2", ...
+        output: The observed output of the FMU; empty: the setup's.
         amplitude_unit: The detector's.
-        series: Measurements of one series share their scale and setup.
-        unknown: What is solved inside, with complex values: "phase", one reference phase; "gain",
-            one complex gain; "none": phases are those of the drive.
-        restarted: Labels of experiments from which on the reference phase is another one.
+        series: Measurements of one series share scale and setup.
+        unknown: Solved for with complex values: "phase": one reference phase; "gain": one complex
+            gain; "none": phases are those of the drive.
+        restarted: Labels of experiments at which a new reference phase begins.
 
     Raises:
         BadInput: shapes that do not fit, amplitudes or frequencies that are not positive.
@@ -202,20 +201,19 @@ class Sweep:
     Args:
         setup: How the FMU is driven and what is observed.
         frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
-        amplitude_v: Measured peak amplitudes, shape (n,), in ``amplitude_unit``.
-        phase_rad: Measured phases, shape (n,), rad, for the figures; None: not measured.
-        settings: Start values of the FMU during the sweep by variable, in the FMU's units.
-        setting_sigma: Standard deviations of settings, numbers in the FMU's units or texts as
-            "0.2 Hz": an offset of each is fitted; what has none is exact.
-        use: "fit": every point is fitted; "scale": the sweep gives the scale alone.
-        scale: The factor between simulated and measured amplitudes: "fit": least squares over the
-            points; "maximum": ratio of the maxima; "robust": Huber's estimate over the points;
-            "free": a fitted one; "none": 1.
-        background: Of the line that is fitted to it without the FMU: "none" or "complex"; "offset"
-            (use "fit"): a constant added to the amplitudes, which is solved together with the FMU;
-            "slope": one that changes linearly with frequency.
+        amplitude_v: Peak amplitudes, shape (n,), in ``amplitude_unit``.
+        phase_rad: Phases, shape (n,), rad, for figures; None: not measured.
+        settings: Start values of the FMU by variable, in the FMU's units.
+        setting_sigma: Standard deviations of settings, numbers in the FMU's units or texts as "0.2
+            Hz": an offset of each is fitted; others are exact.
+        use: "fit": every point is fitted; "scale": only the scale is taken from it.
+        scale: From simulated to measured amplitudes: "fit": least squares; "maximum": ratio of
+            maxima; "robust": Huber's estimate; "free": a fitted parameter; "none": 1.
+        background: Of the line fitted without the FMU: "none" or "complex"; with ``use`` "fit"
+            solved together with the FMU: "offset", a constant added to amplitudes, or "slope",
+            linear in frequency.
         amplitude_unit: The detector's.
-        series: Measurements of one series share their scale and setup.
+        series: Measurements of one series share scale and setup.
 
     Raises:
         BadInput: fewer than 8 points, shapes that differ, frequencies that do not rise, negative

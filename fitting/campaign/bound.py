@@ -92,18 +92,16 @@ class BoundCampaign(CampaignHead):
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """How tones drive the FMU: it drives itself by parameters of its own, or we drive an input.
-
-    Without either there are no tones, as where all that was measured are traces.
+    """How tones drive the FMU: by parameters of its own, or through an input; else none do.
 
     Args:
-        frequency_names: Parameters of the FMU that hold the frequencies, one per tone.
-        amplitude_names: Those that hold the amplitudes, one per tone.
-        input: The input that is driven instead.
-        amplitude: Of every tone that drives, in the unit of ``amplitude_names`` or ``input``.
-        samples_per_period: How often ``input`` is set anew in a period.
+        frequency_names: Parameters of the FMU for the frequencies, one per tone.
+        amplitude_names: Parameters for the amplitudes, one per tone.
+        input: The driven input instead.
+        amplitude: Of every tone, in the unit of ``amplitude_names`` or ``input``.
+        samples_per_period: Held values of ``input`` per period.
         frequency_unit: Of ``frequency_names``, where the FMU declares none; empty: the FMU's.
-        highest_order: Combinations of tones up to this order may be in the response.
+        highest_order: Highest order of combinations of tones in the response.
 
     Raises:
         BadInput: both parameters and an input; numbers that no drive has.
@@ -154,19 +152,18 @@ USUAL_ACCURACY = UsualAccuracy(1e-6)
 @checked
 @dataclass(frozen=True)
 class Setup:
-    """How a series of measurements drives the FMU and what it observes, in the FMU's units.
+    """How a series of measurements drives and observes the FMU, in the FMU's units.
 
     Args:
         drive: How the FMU is driven.
-        output: The variable that is observed.
-        start_values: Start values of every run by variable, none of them a fitted one.
-        steady_start: Whether the FMU begins on its periodic orbit: then nothing has to settle.
-        line_width_hz: Width of the narrowest line, Hz, which determines how long settling takes.
-        accuracy: Wanted relative accuracy of simulated amplitudes, above 0 and below 1; none: a
-            tenth of the noise of the data, or what the FMU can give, where that is less.
-        annotation: What is known of the FMU's accuracy, and of what it may leave out.
+        output: The observed variable.
+        start_values: Start values of every run by variable, none of them fitted.
+        steady_start: Whether the FMU starts on its periodic orbit, without settling.
+        line_width_hz: FWHM of the narrowest line, Hz, for the settling time.
+        accuracy: Relative accuracy of simulated amplitudes, in (0, 1).
+        annotation: The FMU's accuracy, and what it may leave out.
         laws: Formulas that variables of the FMU follow.
-        source: What complaints name it by.
+        source: Its name in errors.
     """
 
     drive: Drive

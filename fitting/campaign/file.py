@@ -77,22 +77,20 @@ class WrittenFmu(Keys):
     model: Text | None = None
     """A model of this project, built on demand; either this or file."""
     file: FileName | None = None
-    """An FMU (FMI 2.0 or 3.0, co-simulation or model exchange)."""
+    """An FMU (FMI 2.0 or 3.0)."""
     native: Switch = False
-    """The model compiled from C in place of Python's: the same numbers, faster; without a compiler
-    (cc, or the package ziglang) Python's runs."""
+    """Whether the model is compiled from C, by cc or ziglang, if there is one: the same, faster."""
     interface: Annotated[Text | None, OneOf(INTERFACES)] = None
-    """By which it is run; without it by co-simulation where it offers that."""
+    """By which it is run; without it co-simulation if it offers that."""
     timeout_s: Positive = 60.0
-    """Longest simulation run, then the FMU counts as failed, s."""
+    """Longest run, s; then the FMU has failed."""
     output_delay_steps: WholeNumber = 0
-    """Communication steps by which outputs of the FMU come late, 1 where it returns those of the
-    beginning of a step at its end (`fmu-fit check` names such an FMU): they are read so much later.
-    Co-simulation only."""
+    """Communication steps by which outputs come late, as named by `fmu-fit check`: they are read so
+    much later (co-simulation)."""
     start: Mapping[str, Value] = field(default_factory=dict)
-    """Start value of any FMU variable that can be set."""
+    """Start values of the FMU."""
     taken: Texts = ()
-    """Start values that were not measured: a result states which values hold under them alone."""
+    """Start values that were not measured; results state which values depend on them."""
 
     def __post_init__(self) -> None:
         if (self.model is None) == (self.file is None):
@@ -109,11 +107,11 @@ class WrittenObserve(Keys):
     """The observed FMU output, and what is known about its settling; ``line_width`` in Hz."""
 
     output: Text
-    """The FMU output that the detector sees."""
+    """The observed FMU output."""
     line_width: Annotated[float | None, Quantity("Hz")] = None
-    """Rough width, sets the settling time; without it the width of the sweep."""
+    """Rough FWHM, for the settling time; without it that of the sweep."""
     steady_start: Switch = False
-    """The FMU, started so, is on its periodic orbit: no settling."""
+    """The FMU starts on its periodic orbit, without settling."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,22 +119,22 @@ class WrittenDrive(Keys):
     """How the FMU is driven; ``level`` of an active tone, ``input`` for kind "input"."""
 
     kind: Annotated[Text, OneOf(("tones", "input"))]
-    """With "tones" FMU parameters hold the tones, with "input" the signal is generated."""
+    """"tones": of FMU parameters; "input": a generated signal."""
     frequencies: Texts
-    """Columns of the experiments file; with tones also FMU parameters."""
+    """Columns of the experiments file; of kind "tones" also FMU parameters."""
     amplitudes: Texts | None = None
     """(tones) FMU parameters, one per frequency."""
     input: Text | None = None
     """(input) the driven FMU input."""
     level: Value = UNIT_LEVEL
-    """Amplitude of every active tone, in the unit of the amplitude or input."""
+    """Amplitude of every active tone, in the unit of its parameter or input."""
     samples_per_period: Annotated[Count | None, Usually(SAMPLES_PER_PERIOD)] = None
     """(input) held steps per period of the highest tone, at least 4."""
     read: Texts | None = None
-    """Lines whose peaks are compared, "2*u1 - u2" for example; without it the tones."""
+    """Lines whose peaks are compared, as "2*u1 - u2"; without it the tones."""
     order: Count | None = None
-    """Up to this order sampling keeps combinations of the tones off the lines that are read; 1
-    without it, 9 if read has a combination."""
+    """Up to this order sampling separates combinations of the tones from the lines that are read;
+    without it 1, or 9 if read has a combination."""
 
     def __post_init__(self) -> None:
         own = "amplitudes" if self.kind == "tones" else "input"
@@ -176,13 +174,13 @@ class LayoutKeys(Keys):
     """How an instrument writes a file, and which part of it is taken."""
 
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
-    """How the instrument writes; without it the file's content decides."""
+    """Format of the instrument; without it recognised."""
     trace: Annotated[Count | None, Usually(1)] = None
-    """(rohde-schwarz, keysight) which trace or block of the file, from 1."""
+    """(rohde-schwarz, keysight) trace or block of the file, from 1."""
     chunk: WholeNumber | None = None
-    """(zurich only) which sweep of the file; without it the only one there is."""
+    """(zurich) sweep of the file; without it the only one."""
     header_row: Count | None = None
-    """(csv only) row of the names of columns, from 1; without it the one above the numbers."""
+    """(csv) row of the columns' names, from 1; without it the last above the numbers."""
 
     def selection(self, columns: Columns) -> Selection:
         """What is taken of the file.
@@ -230,13 +228,11 @@ class WrittenTrace(LayoutKeys):
         checked_by(partial(check_amplitude, where="")),
         Missing('wanted "V peak", "V rms" or "dBm"; files do not state which they mean'),
     ]
-    """What the file's amplitudes mean: "V peak", "V rms", "dBm" or another detector unit
-    likewise, as "m peak"."""
+    """Unit of the file's amplitudes: "V peak", "V rms", "dBm", or another as "m peak"."""
     impedance: Annotated[float | None, Quantity("ohm")] = None
-    """With dBm only, and required there."""
+    """Required with dBm, and only there."""
     columns: Columns = field(default_factory=Columns)
-    """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
-    where the file states none."""
+    """Columns of other than the usual names, with unit as "X1 (mV)" if the file states none."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
@@ -254,32 +250,32 @@ class WrittenExperiments(WrittenTrace):
     """The experiments file, with a pattern of ``spectra`` or columns of ready ``peaks``."""
 
     file: Annotated[FileName, Frequencies]
-    """Table: experiment (label), a column per drive frequency with its unit, and any columns
-    that set FMU variables, as mass (g)."""
+    """Table: experiment (label), a column with unit per drive frequency, and columns that set FMU
+    variables, as mass (g)."""
     spectra: Text | None = None
     """A spectrum per experiment, as "spectra/{experiment}.csv"."""
     peaks: Texts = ()
-    """Or columns of ready peak amplitudes, one per line read, unit in the header."""
+    """Or columns of peak amplitudes, one per line read, unit in the header."""
     peak_sigmas: Texts = ()
-    """Columns of their standard deviations, in the same meaning (rms or peak)."""
+    """Columns of their standard deviations, rms or peak like them."""
     noise_floor: Annotated[Text, OneOf(FLOOR_KINDS)] = "robust"
-    """What is taken off a peak z: "robust": sqrt(z^2 - sigma^2), sigma from the median; "mean":
-    z - mean; "none"."""
+    """Corrected peak z: "robust": sqrt(z^2 - sigma^2), sigma from the median; "mean": z - mean;
+    "none"."""
     phases: Texts = ()
-    """Columns of phases next to 'peaks', one per line read, deg or rad in the header; peaks are
-    complex values then, and peak_sigmas those of each quadrature."""
+    """Columns of phases of 'peaks', one per line read, deg or rad in the header; peak_sigmas are
+    then of each quadrature."""
     x: Texts = ()
     """Or columns of X, the real part, one per line read, unit in the header."""
     y: Texts = ()
     """Columns of Y, the imaginary part."""
     unknown: Annotated[Text | None, OneOf(UNKNOWN), Usually("phase")] = None
-    """(phases) what is solved inside: "phase": one reference phase for all experiments; "gain": one
-    complex gain; "none": phases are those of the drive."""
+    """(phases) solved for: "phase": one reference phase for all experiments; "gain": one complex
+    gain; "none": phases are those of the drive."""
     restarted: Texts = ()
-    """(phases) labels of experiments before which the instrument was restarted: its reference
-    phase is another one from there on."""
+    """(phases) labels of experiments before which the instrument was restarted, with a new
+    reference phase."""
     conjugate: Switch = False
-    """(phases) the instrument counts phases the other way: exp(-i 2 pi u t)."""
+    """(phases) they are counted as exp(-i 2 pi u t)."""
 
     def __post_init__(self) -> None:
         if bool(self.x) != bool(self.y):
@@ -353,16 +349,15 @@ class WrittenSweep(WrittenTrace):
     """FMU variables during the sweep."""
     set_sigma: Mapping[str, Value] = field(default_factory=dict)
     """(use = "fit") Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each
-    is fitted. What [drift] names has one anyway; else the values are exact."""
+    is fitted, as of variables in [drift]; others are exact."""
     use: Annotated[Text, OneOf(("scale", "fit"))] = "scale"
-    """With "scale" it sets the scale only, with "fit" each point is a residual row too."""
+    """"scale": for the scale only; "fit": each point is a residual row, too."""
     scale: Annotated[Text, OneOf(SCALES)] = "maximum"
-    """From simulated to measured amplitudes: "maximum": ratio of maxima; "fit": least squares
-    over the sweep; "robust": Huber's estimate over it; "free": a fitted ln_scale; "none": 1."""
+    """From simulated to measured amplitudes: "maximum": ratio of maxima; "fit": least squares;
+    "robust": Huber's estimate; "free": a fitted ln_scale; "none": 1."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
-    """Of the line fit to the sweep: "none" or one "complex" constant; "offset" (use = "fit"): a
-    constant that is added to its amplitudes, as a detector's zero, solved together with the FMU;
-    "slope": one that changes linearly with frequency."""
+    """Of the line fit to the sweep: "none" or a "complex" constant; with use = "fit" solved
+    together with the FMU: "offset", added to amplitudes, or "slope", linear in frequency."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -411,20 +406,20 @@ class WrittenDrift(Keys):
     ends: Mapping[str, DriftEnds] = field(default_factory=dict)
     """Values before and after the series."""
     model: Annotated[Text, OneOf(DRIFT_MODELS)] = "linear"
-    """As "linear" between before and after; "offsets": and one fitted offset per experiment;
-    "walk": and a random walk."""
+    """"linear" between before and after; "offsets": with a fitted offset per experiment; "walk":
+    with a random walk."""
     prior: Value | None = None
     """Standard deviation of an offset, or of a step of the walk."""
     share: Annotated[Switch | None, Usually(True)] = None
-    """One offset for all drifting variables, or one each; not written: one for all in an
-    experiment, one each in a fitted sweep, whose values are stated one by one."""
+    """One offset for all drifting variables, or one each; without it one in an experiment, one each
+    in a fitted sweep."""
     time: Text = ""
-    """Column of time stamps (numbers with a unit, or ISO dates) that place the experiments
-    between before and after; without it the order of the rows."""
+    """Column of times of the experiments (numbers with a unit, or ISO dates); without it they are
+    evenly spaced."""
     before_time: Value | None = None
-    """When the values before were measured; without it the first experiment."""
+    """Time of the values before; without it the first experiment's."""
     after_time: Value | None = None
-    """When the values after were measured; without it the last experiment."""
+    """Time of the values after; without it the last experiment's."""
 
     def __post_init__(self) -> None:
         alone = (self.prior, self.share, self.before_time, self.after_time)
@@ -455,13 +450,13 @@ class WrittenNoise(Keys):
     """
 
     relative: Share = 0.0
-    """Standard deviation of every amplitude as a share of it, next to the floor's."""
+    """Standard deviation of every amplitude over it, next to the floor's."""
     absolute: Value | None = None
     """Standard deviation of every amplitude, as "0.1 uV"."""
     outliers: Annotated[Text, OneOf(OUTLIERS)] = "keep"
-    """With "huber" peaks beyond 1.345 standard deviations count linearly in least squares."""
+    """"huber": residuals beyond 1.345 standard deviations count linearly."""
     threshold: Positive = 4.0
-    """Peaks whose studentised residual exceeds it are named in a warning."""
+    """Studentised residual from which a peak is named in a warning."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -480,11 +475,9 @@ class WrittenAssumption(Keys):
     value: Value | None = None
     """What the quantity might be instead."""
     law: Text | None = None
-    """The formula that it might follow instead; the name of a variable with a law represents that
-    law."""
+    """The formula that it might follow instead; a variable with a law represents it."""
     start: Mapping[str, Text] = field(default_factory=dict)
-    """Parameter: formula of the fitted values; the fit is repeated from there, whatever its
-    bounds."""
+    """Formula of fitted values by parameter, from which the fit is repeated without bounds."""
 
     def __post_init__(self) -> None:
         if self.quantity is None and not self.start:
@@ -514,9 +507,8 @@ class Schedule(Keys):
     tolerance: Positive = 2.22e-16
     """Stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it."""
     starts: Repeats = 3
-    """Different ends that are looked for, from the campaign's own start and the lowest minima of a
-    search of the box: a start that ends where another did is not counted, and a further one is
-    followed in its place. Places where J is flat come on top. 1: no search."""
+    """Different minima to find, from the campaign's start and the lowest points of a search within
+    the bounds; repeated ones and those where J is flat are not counted. 1: no search."""
     seed: WholeNumber = 1
     """Of the search."""
     iterations: Repeats = 9
@@ -537,10 +529,10 @@ class ContinuationSettings(Schedule):
 
     misfit: Annotated[Text, OneOf(MISFITS)] | None = None
     """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
-    r^2. Where none is named: "squares" where a trace is among the measurements, else "slack"."""
+    r^2. Without it "squares" with a trace, else "slack"."""
     estimator: Annotated[Text, OneOf(ESTIMATORS)] = LIKELIHOOD
-    """Whose estimate is reported as the value: "likelihood": the most likely one; "algorithm2":
-    the paper's, at the last nu. Errors and intervals are the likelihood's."""
+    """Of the reported value: "likelihood", or "algorithm2" at the last nu; errors are the
+    likelihood's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -551,8 +543,8 @@ class WrittenAccuracy(AccuracyNames):
     """
 
     amplitude: Positive | None = None
-    """Wanted relative accuracy of simulated amplitudes, below 1; none: a tenth of the noise of the
-    data, or the FMU's best."""
+    """Relative accuracy of simulated amplitudes, below 1; without it a tenth of the data's noise,
+    or the FMU's best."""
     full: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the model with nothing left out."""
     reductions: Annotated[
@@ -573,12 +565,11 @@ class WrittenSweeps(Keys):
     controls: Annotated[
         Mapping[str, Values], Missing('wanted values to try, as controls = { "V" = [0, "1 V"] }')
     ]
-    """Values of the controls to try; a control that is not named keeps that of the last
-    spectrum."""
+    """Values of the controls to try; of others that of the last spectrum."""
     span: Annotated[float | None, Quantity("Hz")] = None
-    """From the first to the last frequency; without it as the campaign's spectra."""
+    """From first to last frequency; without it the campaign's."""
     points: Repeats | None = None
-    """Frequencies of a sweep; without it as many as the longest of the campaign's spectra."""
+    """Frequencies of a sweep; without it the campaign's most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -586,14 +577,13 @@ class WrittenTraces(Keys):
     """Recordings over time as next measurements, begun or driven as traces of the campaign."""
 
     of: Texts | None = None
-    """Names of the traces whose start or drive is repeated; without it all of them."""
+    """Traces whose start or drive is repeated; without it all."""
     lengths: Times | None = None
-    """From the first to the last sample; without it a quarter, a half, once and twice the longest
-    trace."""
+    """From first to last sample; without it 1/4, 1/2, 1 and 2 times the longest trace."""
     spacings: Times | None = None
     """Spacings of the samples; without it that of each trace."""
     samples: Count | None = None
-    """That the recorder keeps, at most; without it twice as many as the longest trace has."""
+    """Most samples; without it twice those of the longest trace."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -604,7 +594,7 @@ class WrittenDesign(Keys):
     """
 
     outputs: Texts | None = None
-    """What can be observed; without it outputs named alike, of one unit."""
+    """Observable outputs; without it those of like names and one unit."""
     centres: Frequencies | None = None
     """Resonances; without it the sweep's maximum, drifting frequencies."""
     frequency_step: Annotated[float | None, Quantity("Hz")] = None
@@ -622,34 +612,33 @@ class WrittenDesign(Keys):
     repeats: Positives | None = None
     """Numbers of spectra averaged with their phases to try."""
     noise_floor: Value | None = None
-    """Of a peak in one spectrum, of a point of a sweep or a sample of a trace, or of each of their
-    quadratures, as "0.18 uV"; without it the campaign's own."""
+    """Of a peak in one spectrum, a point of a sweep, a sample of a trace, or each quadrature, as
+    "0.18 uV"; without it the campaign's."""
     relative_noise: Annotated[Number | None, Usually(0.01)] = None
     """Noise of a peak as a share of it, which averaging does not lower."""
     phases: Switch | None = None
-    """The detector measures phases, too, against a reference phase that is unknown; without it as
-    in the campaign's own experiments."""
+    """Whether phases are measured, against an unknown reference phase; without it as in the
+    campaign's experiments."""
     largest: Value | None = None
-    """What the detector bears; without it twice the largest amplitude seen."""
+    """Largest amplitude of the detector; without it twice the largest measured."""
     number: Annotated[Repeats | None, Usually(6)] = None
-    """Measurements, at most; with a time 50 where no number is stated."""
+    """Most measurements; with a time and without it 50."""
     time: Annotated[float | None, Quantity("s")] = None
-    """Of the laboratory, for all next measurements together: what they take, see below, is no more
-    than that."""
+    """For all next measurements together."""
     spectrum_time: Annotated[float | None, Quantity("s"), Usually(1.0)] = None
-    """A spectrum takes; averaged ones so many times as much."""
+    """Of a spectrum, times the number of averaged ones."""
     point_time: Annotated[float | None, Quantity("s"), Usually(1.0)] = None
-    """A point of a sweep takes."""
+    """Of a point of a sweep."""
     change_time: Annotated[float | None, Quantity("s"), Usually(0.0)] = None
-    """The change to another measurement takes: its drive, its controls, and what has to settle."""
+    """Of a change to another measurement, with settling."""
     target: Text = ""
-    """The value that is to be known better."""
+    """The value to determine better."""
     criterion: Annotated[Text | None, OneOf(CRITERIA), Usually("target")] = None
     """Error of the target, or D or A of all parameters."""
     settings: Mapping[str, Values] = field(default_factory=dict)
     """Values of further FMU parameters to try."""
     setting_sigma: Mapping[str, Value] = field(default_factory=dict)
-    """Error of what is believed of what drifts."""
+    """Errors of quantities that drift."""
     averaged: Counts | None = None
     """Spectra averaged in each row of a campaign that a design made."""
     sweeps: WrittenSweeps | None = None

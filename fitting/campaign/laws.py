@@ -120,12 +120,12 @@ class Laws:
         ff.Laws({"f1": "a0 + a1*V", "f2": "b0"})
 
     Args:
-        formulas: By the FMU's variables: numbers, names, pi, + - * / ** and sqrt, exp, log, cos,
+        formulas: By variable of the FMU: numbers, names, pi, + - * / ** and sqrt, exp, log, cos,
             sin, tan, acos, asin, atan.
-        constants: Numbers that they name: plain ones, or texts with a unit as "1 H".
-        source: What complaints name them by.
+        constants: Numbers that formulas name: plain, or with a unit as "1 H".
+        source: Their name in errors.
         bound: The same with all units, next to an FMU.
-        controls: Units of the control quantities that no variable of the FMU holds.
+        controls: Units of the control quantities that are no variable of the FMU.
 
     Raises:
         BadInput: what is no formula, a formula that names nothing, a constant that is no number or

@@ -37,11 +37,13 @@ SCALE_NAME = "ln_scale"
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Declared noise of amplitudes, peak values: sigma^2 = (relative A)^2 + absolute_v^2.
+    """Noise of peak amplitudes A: sigma^2 = (relative A)^2 + absolute_v^2.
 
-    ``relative`` is a share of each amplitude A; ``absolute_v`` the same for all, in the detector's
-    unit; ``outliers`` "keep" or, beyond 1.345 sigma counted linearly, "huber"; residuals beyond
-    ``threshold`` standard deviations are called outliers.
+    Args:
+        relative: Share of each amplitude, in [0, 1).
+        absolute_v: The same for all, in the detector's unit, at least 0.
+        outliers: "keep"; "huber": residuals beyond 1.345 sigma count linearly.
+        threshold: Standard deviations beyond which residuals are called outliers, above 0.
 
     Raises:
         BadInput: a share that is not from 0 to below 1, a negative or infinite ``absolute_v``,

@@ -39,21 +39,21 @@ class ParameterTable(Keys, Generic[Number]):
     name: Text
     """A Real parameter of the FMU, the start value of a state, or a coefficient of a law."""
     unit: Text | None = None
-    """Of the bare numbers in this table; without it the FMU's, which has none of a coefficient."""
+    """Of plain numbers in this table; without it the FMU's; of a coefficient none."""
     scope: Annotated[Text, OneOf(SCOPES)] = SCOPES[0]
-    """With "campaign" one value, with "experiment" every experiment has one of its own."""
+    """"campaign": one value; "experiment": one for each experiment."""
     lower: Number
-    """Lower end of the box."""
+    """Lower bound."""
     upper: Number
-    """Upper end of the box."""
+    """Upper bound."""
     start: Number
-    """First start, inside the box."""
+    """First start, within the bounds."""
     reference: Number | None = None
-    """Where the Tikhonov term pulls to; without it start."""
+    """Centre of Tikhonov term and prior; without it start."""
     scale: Number | None = None
-    """The change that counts as 1 in x; without it half the box."""
+    """Change by 1 of the search vector; without it half the distance of the bounds."""
     period: Number | None = None
-    """Values that far apart are the same system; reported in [0, period)."""
+    """Values that far apart are equal; reported in [0, period)."""
     prior: Number | None = None
     """Standard deviation of a Gaussian prior about reference."""
 

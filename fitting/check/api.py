@@ -62,17 +62,17 @@ def check(
     *,
     step_s: float | None = None,
 ) -> Check:
-    """Examine an FMU: what is wrong is reported, not raised.
+    """Examine an FMU: errors are reported, not raised.
 
     Args:
-        fmu: The FMU, its path, or the name of a model of this project.
-        campaign: A campaign that it may suit; its start values hold for the trial run.
-        step_s: Length of the trial step, s, above zero; None: the FMU's own, four of a fixed one of
-            its solver, else one that resolves its response, where it shows none 1 ms.
+        fmu: The FMU, its path, or a model of this project.
+        campaign: A campaign for it, whose start values are used.
+        step_s: Trial step, s, above zero; None: the FMU's, four of its solver's fixed steps, else by
+            its response, else 1 ms.
 
     Returns:
-        ``sound`` sums it up; ``findings`` (by severity), ``failure`` and ``unsuited``
-        state what is wrong, ``examination`` holds what was tried and measured.
+        ``sound``; ``findings`` by severity, ``failure`` and ``unsuited``; what was tried and
+        measured in ``examination``.
 
     Raises:
         BadInput: no FMU that this machine can run, a campaign that cannot be read, no time.

@@ -19,10 +19,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options: Options = {
         "result": value("result of a reconstruction", "RESULT.json", Path),
         "--out": {"required": True, "help": "folder for the files"},
-        "--fmu": value("the FMU that was fitted (default: fmu/ next to RESULT.json)", read=Path),
+        "--fmu": value("the fitted FMU (fmu/ next to RESULT.json)", read=Path),
     }
     declare(parser, options)
-    also = "also write this parameter, which the data do not determine; may be repeated"
+    also = "also write this undetermined parameter; may be repeated"
     options = {
         "--also": several(also, "NAME"),
         "--all": "write all parameters: the best fit as a whole",

@@ -20,8 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "shell",
         choices=SHELLS,
-        help="whose; for zsh the text goes into a file _fmu-fit in a folder of $fpath, for tcsh "
-        "it is read by source",
+        help="shell; zsh: a file _fmu-fit in a folder of $fpath; tcsh: read by source",
     )
 
 

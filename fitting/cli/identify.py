@@ -23,19 +23,17 @@ FILES = (JSON_NAME, "report.html", "figures/[0-9]*_*.*")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    alone = "also what was measured at this setting alone, as depth=0; may be repeated"
+    alone = "also by measurements at this setting alone, as depth=0; may be repeated"
     options: Options = {
         "campaign": {},
         "--out": "folder for results (out/identify_<its folder>)",
         "--at": "a fit to start from (the campaign's start and reference values)",
         "--changed-data": {},
-        "--expected": "not the measured data but those that the model expects there, with "
-        "their noise",
+        "--expected": "instead of the measured the expected data there, with their noise",
         "--bootstrap": "refit N synthetic data sets (none)",
         "--beside": several(alone, "NAME=VALUE"),
-        "--seed": {"default": 1, "help": "of starts and bootstrap"},
-        "--budget": "about so many runs of the FMU; incomplete searches are marked "
-        f"({USUAL_BUDGET})",
+        "--seed": {"default": 1, "help": "seed of starts and bootstrap (1)"},
+        "--budget": f"FMU runs for profiles, about; incomplete ones are marked ({USUAL_BUDGET})",
         "--workers": {},
         "--no-report": {},
     }

@@ -49,25 +49,25 @@ REFUSED = {
 #: Options about the model of a sweep, their values, and what each is.
 MODEL = {
     "shape": {
-        "lorentzian": "a damped mode",
-        "fano": "a mode on a complex constant",
-        "duffing": "a mode whose frequency follows its amplitude",
-        "notch": "a resonator next to a feed line",
-        "reflection": "a resonator at the end of a line",
+        "lorentzian": "damped",
+        "fano": "on a complex constant",
+        "duffing": "its frequency follows the amplitude",
+        "notch": "next to a feed line",
+        "reflection": "at the end of a line",
     },
     "background": {
         "none": "the line alone",
         "constant": "an added constant",
-        "slope": "a constant and a slope",
-        "tail": "the tail of a line beyond the points",
+        "slope": "both",
+        "tail": "of a line beyond the points",
     },
     "noise": {
         "normal": "as the points scatter",
-        "power": "averaged powers, to which noise adds its own",
-        "amplitude": "averaged amplitudes in the noise of X and Y (Rice)",
-        "readings": "single readings in the noise of X and Y (Rice)",
+        "power": "averaged, with that of the noise",
+        "amplitude": "averaged, in noise of X and Y (Rice)",
+        "readings": "single, in noise of X and Y (Rice)",
     },
-    "delay": {"yes": "phases have the delay of a cable", "no": "they have none"},
+    "delay": {"yes": "of a cable in phases", "no": "none"},
 }
 
 
@@ -75,16 +75,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
     options: Options = {
         "files": value(
-            "a sweep, a ringdown or a noise spectrum, as an instrument wrote it; of "
-            "several files a table over the control that their names or heads have",
+            "sweep, ringdown or noise spectrum of an instrument; several: a table over the "
+            "control in their names or heads",
             "FILE",
             Path,
             nargs="+",
         ),
         "--from": value(
-            'first frequency, as "30.26 kHz"; of a ringdown the first time, as "2 ms" (a '
-            "number alone is in Hz or s; refused where it lies outside of the file, and inside "
-            "with a prefix)",
+            'first frequency, as "30.26 kHz", or time of a ringdown, as "2 ms" (a number '
+            "alone is in Hz or s; an error outside of the file, if it is inside with a "
+            "prefix)",
             "F",
             dest="low",
         ),
@@ -101,20 +101,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options = {
         "--wiring": value(argparse.SUPPRESS),
         "--lines": value(
-            "number of lines of each sweep, which are fitted together and have a row "
-            "each; auto: as many as the points show (default: one)",
+            "lines of each sweep, fitted together, a row each; auto: as many as the points "
+            "show (1)",
             "N",
         ),
         "--demodulated-at": {},
         "--kind": one_of(
             KINDS,
-            "of a file over frequency: a noise spectrum or a sweep (default: by unit and name)",
+            "kind of a file over frequency (by unit and name)",
         ),
     }
     declare(parser, options)
     add_columns(parser)
-    out = "folder for line.json, line.csv and figure, of several files for lines.csv and figure"
-    declare(parser, {"--out": f"{out} (none is written)"})
+    out = "folder for line.json, line.csv and figure, or lines.csv of several files (no folder)"
+    declare(parser, {"--out": out})
 
 
 @writes(NAME, *LINE_FILES, *LINES_FILES)

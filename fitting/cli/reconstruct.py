@@ -36,35 +36,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         **ISOLATE,
         "--native": {},
         "--resume": "continue after the last finished level",
-        "--accuracy": "wanted relative accuracy of simulated amplitudes (the campaign's)",
+        "--accuracy": "relative accuracy of simulated amplitudes (the campaign's)",
         "--external": several(external, "NAME=VALUE"),
         "--misfit": one_of(MISFITS, "form of the misfit (the campaign's)"),
         "--estimator": one_of(
-            ESTIMATORS, "whose estimate is reported; errors are the likelihood's (the campaign's)"
+            ESTIMATORS, "reported estimate; errors are the likelihood's (the campaign's)"
         ),
         "--seed": "seed of the search (the campaign's)",
-        "--starts": "1: search the bounds only if the start's fit is not explained by noise; "
-        "more: always (the campaign's)",
+        "--starts": "1: search only if noise does not explain the start's fit; more: always (the "
+        "campaign's)",
         "--start": value(
             "start at the values of a parameter set (the campaign's)", "SET.ssv", Path
         ),
         "--no-path": "leave out the levels of ν (Algorithm 2)",
-        "--global-path": "minimise every level of ν over the whole bounds, too, by a "
-        "multistart (slow)",
+        "--global-path": "also minimise every level of ν by a multistart within all bounds (slow)",
         "--quick": "one start, no levels of ν",
         "--no-profiles": {},
-        "--budget": "about so many runs of the FMU for profiles; incomplete searches are "
-        f"marked ({USUAL_BUDGET})",
-        "--bootstrap": "refit N synthetic data sets drawn at the solution (none)",
+        "--budget": f"FMU runs for profiles, about; incomplete ones are marked ({USUAL_BUDGET})",
+        "--bootstrap": "refit N synthetic data sets (none)",
         "--no-report": {},
         "--style": one_of(
             STYLES,
-            "paper: figures as PDF for print, too, 3.4 and 7 in wide; interactive: "
-            "figures of the report can be zoomed and read off, which needs "
-            "fmu-fit[interactive]",
+            "paper: also PDF for print, 3.4 and 7 in wide; interactive: figures can be "
+            "zoomed, needs fmu-fit[interactive]",
         ),
         "--formats": one_of(
-            FORMATS, "further files of each figure (SVG and CSV alone)", nargs="+", default=[]
+            FORMATS, "further formats of figures (SVG and CSV)", nargs="+", default=[]
         ),
         "--dry-run": "only print the expected cost: runs, seconds, memory; nothing is written",
     }

@@ -31,27 +31,22 @@ EXAMPLE = 'fmu-fit simulate CoupledOscillator --set u1="6.94018 MHz" --out out/t
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the command."""
-    reduction = "this reduction of the model, whatever it costs"
     options: Options = {
         "fmu": {},
         "--interface": {},
         "--out": "folder for CSV files and figures",
-        "--accuracy": "wanted relative accuracy of the amplitudes at the tones: plans "
-        "settling, window, solver and model, and prints the error that is admitted (1e-6)",
+        "--accuracy": "relative accuracy of the amplitudes at the tones, for the plan (1e-6)",
         "--plan": "only print the plan",
-        "--force": several(f"take {reduction}", "NAME"),
-        "--forbid": several(f"do not take {reduction}", "NAME"),
+        "--force": several("use this reduction of the model", "NAME"),
+        "--forbid": several("do not use this reduction of the model", "NAME"),
         "--set": several(START_VALUE.format('u1="6.94016 MHz"'), "NAME=VALUE"),
         "--outputs": value("outputs, comma between (the first continuous one)"),
         "--tones": value(
-            "FMU parameters that hold the drive frequencies, comma between "
-            "(u1 and u2 where the FMU has them)"
+            "FMU parameters of the drive frequencies, comma between (u1 and u2 if the FMU has them)"
         ),
-        "--input": value("FMU input to drive, where no parameters hold the tones"),
+        "--input": value("FMU input to drive instead of parameters"),
         "--drive": value('drive frequencies for --input, as "280 Hz, 281 Hz"'),
-        "--level": value(
-            'amplitude of each tone of --input, as "2 N" (1 in the unit of the input)'
-        ),
+        "--level": value('amplitude of each tone of --input, as "2 N" (1 in its unit)'),
         "--steps-per-period": value(
             "held steps of --input in a period (100)", read=whole_number(4), default=100
         ),

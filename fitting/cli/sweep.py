@@ -48,8 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tone": value("tunable FMU parameter that is moved (u1)", default="u1"),
         "--output": value("output to read (the first continuous one)"),
         "--settle": "time at each point (default: until steady)",
-        "--accuracy": "of the amplitudes, relative to the largest: plans settling, solver and "
-        "samples (1e-4)",
+        "--accuracy": "of amplitudes over the largest, for settling, solver and samples (1e-4)",
         "--work": {},
         "--timeout": {"default": 600.0, "help": "longest run, that is all points one way (600 s)"},
         **ISOLATE,

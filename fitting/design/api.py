@@ -100,10 +100,9 @@ class NextMeasurements:
 
 @dataclass(frozen=True)
 class WaysToMeasure:
-    """Ways to spend the same time: the table ``ways``, and what to measure ``by_name``.
+    """Ways to use the same time: the table ``ways``, and measurements ``by_name``.
 
-    Each has what is to be measured of every kind, by the name of the kind: one, of the mixture
-    "together" several.
+    Each has its measurements by kind, the mixture "together" of several kinds.
     """
 
     ways: Ways
@@ -147,14 +146,12 @@ class WaysToMeasure:
 
 
 def limits(problem: Problem, candidates: str | Path | None = None) -> Limits:
-    """What the instrument can do: as the campaign's table [design] states, else as it kept to.
-
-    ``dataclasses.replace`` of what it returns gives other limits to `design`.
+    """Limits of the instrument: by the campaign's table [design], else by its measurements.
 
     Args:
-        problem: Of campaigns; the first is to be continued.
-        candidates: A TOML file with a table [design], whose keys go before the campaign's; None:
-            the campaign's alone.
+        problem: Of campaigns; the first is to be continued, others count as measured.
+        candidates: A TOML file with a table [design], whose keys replace the campaign's; None: the
+            campaign's.
 
     Raises:
         BadInput: no campaign, something wrong with a table, or limits in the file that are wider
@@ -172,22 +169,22 @@ def design(
     at: Valued | Result | str | Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> NextMeasurements:
-    """Which measurements next, to know a value better, and how well it would then be known.
+    """Which measurements next for a better known value, with the expected errors.
 
     Args:
-        problem: Of campaigns; the first is to be continued, the others count as measured.
-        goal: What is to be known: a parameter or derived output, or a `Goal`.
-        limits: Of the instrument: a record as `fitting.limits` gives it, or a TOML file with a
-            table [design]; None: those of the campaign. No wider than the campaign's [design].
-        at: A fit to set out from, or its result.json; None: the fit nearest to the references.
-        progress: Is called with a line of what is under way.
+        problem: Of campaigns; the first is to be continued, others count as measured.
+        goal: A parameter or derived output, or a `Goal`.
+        limits: `Limits`, or a TOML file with a table [design]; None: the campaign's. Not wider than
+            the campaign's.
+        at: A fit to start from, or its result.json; None: the fit nearest to the references.
+        progress: Called with a line at every step.
 
     Returns:
-        ``proposals`` in their order, each with the error that is expected then.
+        ``proposals`` in order, each with the expected error.
 
     Raises:
-        BadInput: no campaign, limits that are wider than the campaign's own or mean nothing, a
-            fit of another problem or of other data.
+        BadInput: no campaign, limits that are wider than the campaign's own or mean nothing, a fit
+            of another problem or of other data.
         FmuFailure: the FMU failed.
     """
     bounds = _bound(problem)
@@ -214,17 +211,18 @@ def ways(
     at: Valued | Result | str | Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> WaysToMeasure:
-    """Which kind of measurement determines a value best in the same time of the laboratory.
+    """Which kind of measurement determines a value best in the same time.
 
     Args:
-        problem: Of campaigns; the first is to be continued, the others count as measured.
-        goal: What is to be known, and the time, if the limits do not state it.
-        limits: Of each kind of measurement by its name, two at least, as `design` takes them.
-        at: A fit to set out from, or its result.json; None: the fit nearest to the references.
-        progress: Is called with a line of what is under way.
+        problem: Of campaigns; the first is to be continued, others count as measured.
+        goal: A parameter or derived output, or a `Goal`, with the time if the limits do not state
+            it.
+        limits: Of two or more kinds of measurement by name, as of `design`.
+        at: A fit to start from, or its result.json; None: the fit nearest to the references.
+        progress: Called with a line at every step.
 
     Returns:
-        The ways, the one with the least expected error first, and what to measure in each.
+        The ways, that of the least expected error first, with their measurements.
 
     Raises:
         BadInput: see `design`; fewer than two kinds, no time or several of them.

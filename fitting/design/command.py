@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="MORE.toml",
         nargs="*",
-        help="further campaigns of the same FMU and parameters that have been measured",
+        help="further measured campaigns of the same FMU and parameters",
     )
     options: Options = {
         "--out": "folder for results (out/next_<its folder>)",
@@ -52,8 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="DESIGN.toml",
-        help="a file with a table [design]: the instrument's limits (the campaign's own); several, "
-        "of one kind of measurement each, are compared by the same time",
+        help="a file with a table [design], limits of the instrument (the campaign's); several, "
+        "of one kind of measurement each, are compared",
     )
     parser.add_argument(
         "--time",
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="of the laboratory for all measurements, as 10min (no limit)",
     )
     parser.add_argument(
-        "--target", help="what is to be known: a parameter or derived output (the first derived)"
+        "--target", help="parameter or derived output to determine (the first derived)"
     )
     parser.add_argument(
         "--criterion", choices=CRITERIA, help="error of the target, or D or A of all (target)"

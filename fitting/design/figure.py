@@ -61,9 +61,9 @@ def expected_errors(design: Design, *, ax: Axes | None = None) -> Axes:
     """Draw the expected standard deviation of the target over the proposed measurements.
 
     Args:
-        design: a proposal, drawn in the target's unit: at the given point, on (geometric) average
-            and at worst over points that fit the data as well.
-        ax: where to draw; pyplot's current axes if not given.
+        design: A proposal: at the given point, geometric mean and worst over points that fit as
+            well, in the target's unit.
+        ax: Where to draw; None: pyplot's current axes.
     """
     axes = axes_of(ax)
     factor, unit = _unit(design)
@@ -106,12 +106,12 @@ def expected_errors(design: Design, *, ax: Axes | None = None) -> Axes:
 def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
     """Draw the expected standard deviation of the target by kinds of candidates.
 
-    Bars go from the best to the worst tones of a kind as the only measurement; a diamond is its
-    best as the last, with the other proposed ones.
+    Bars: the best to the worst of a kind as only measurement; diamond: its best after the other
+    proposed ones.
 
     Args:
-        design: a proposal, drawn in the target's unit, average over points that fit as well.
-        ax: where to draw; pyplot's current axes if not given.
+        design: A proposal, averaged over points that fit as well, in the target's unit.
+        ax: Where to draw; None: pyplot's current axes.
     """
     axes, kinds = axes_of(ax), best_kinds(design)
     factor, unit = _unit(design)

@@ -155,38 +155,38 @@ class TraceLimits:
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What the instrument can do.
+    """Limits of the instrument.
 
-    A peak of amplitude A, averaged over n of ``repeats`` spectra, is known to
+    The error of a peak of amplitude A, averaged over n of ``repeats`` spectra:
 
         sigma^2 = noise_floor_v^2/n + (relative_noise A)^2
 
     Args:
-        outputs: FMU outputs that can be observed.
-        centres_hz: Resonances, Hz, around which the tones are placed.
-        frequency_step_hz: Of the grid on which tones lie, Hz.
+        outputs: Outputs of the FMU that can be observed.
+        centres_hz: Resonances around which tones are placed, Hz.
+        frequency_step_hz: Grid of the tones, Hz.
         least_spacing_hz: Least distance of two tones, Hz.
         farthest_hz: Largest distance of a tone from a resonance, Hz.
-        both_sides: Tones of one measurement lie on both sides of the resonance.
+        both_sides: Whether tones of a measurement are on both sides of the resonance.
         levels: Factors on the campaign's drive level.
-        repeats: Numbers of spectra that are averaged.
-        noise_floor_v: Of a peak in one spectrum, in the detector's unit.
-        relative_noise: Of a peak as a share of it; averaging does not lower it.
-        largest_v: Largest amplitude that is proposed, in the detector's unit.
+        repeats: Numbers of averaged spectra.
+        noise_floor_v: Noise of a peak in one spectrum, in the detector's unit.
+        relative_noise: Share of a peak, not lowered by averaging.
+        largest_v: Largest proposed amplitude, in the detector's unit.
         settings: Values of further FMU parameters to try, in their units.
-        setting_sigmas: Errors, in the FMU's unit, of what is assumed of quantities that drift:
-            common to the tones of one experiment, new in the next.
-        number: Measurements, at most, 1 to 50.
-        tones: That are driven at once, 1 or 2.
-        lines: Read at combinations of the tones; empty: at the tones.
-        phases: The detector measures phases as well, against a reference phase that is unknown.
-        sweeps: Whole sweeps are measured instead of tones, around the only one of the centres.
-        traces: Recordings over time are made instead of tones, which have a noise of
-            ``noise_floor_v``, 0 for that of the traces so far; what places tones is not used.
-        time_s: Of the laboratory for all next measurements, s; None: their number alone counts.
-        spectrum_s: What a spectrum takes, s.
-        point_s: What a point of a sweep takes, s.
-        change_s: What the change to another measurement takes, s.
+        setting_sigmas: Errors of quantities that drift, in the FMU's unit: common to the tones of
+            an experiment.
+        number: Most measurements, 1 to 50.
+        tones: Driven at once, 1 or 2.
+        lines: Combinations of the tones that are read; empty: the tones.
+        phases: Whether phases are measured, against an unknown reference phase.
+        sweeps: Sweeps around a single centre instead of tones; None: tones.
+        traces: Recordings over time instead of tones, with noise ``noise_floor_v``, 0: that of the
+            campaign's traces; None: tones.
+        time_s: Of all next measurements, s; None: only their number is limited.
+        spectrum_s: Of a spectrum, s.
+        point_s: Of a point of a sweep, s.
+        change_s: Of a change to another measurement, s.
 
     Raises:
         BadInput: a limit that no instrument can have.

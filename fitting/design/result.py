@@ -18,8 +18,8 @@ NAME, WAYS_NAME = "design.json", "ways.json"
 class Expected:
     """Expected standard deviation of the target at the given point and over points of equal fit.
 
-    `mean` (geometric) and `worst` include the given point; NaN where the target has no value. None
-    is more than the spread of the target over points of equal fit.
+    `mean` (geometric) and `worst` include the given point, and are at most the spread of the target
+    over the points; NaN: no value.
     """
 
     at: float
@@ -29,10 +29,9 @@ class Expected:
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """A recording over time that begins, or is driven, as the ``trace`` of that name was.
+    """A recording over time that begins, or is driven, as the named ``trace``.
 
-    `length_s` from the first to the last of `samples`, which are `spacing_s` apart: it follows from
-    these.
+    `length_s` from the first to the last of `samples`, which are `spacing_s` apart.
     """
 
     trace: str
@@ -64,11 +63,11 @@ class DriveChoice:
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal(DriveChoice):
-    """One proposed measurement: `rank` in order of use, drive, output, number of spectra averaged.
+    """One proposed measurement: `rank` in order of use, drive, output, averaged spectra.
 
-    Expected peaks `peaks_v` and their `sigmas_v` (at the given point), one per tone; `expected` of
-    the target after this measurement and those before it. The largest amplitude of a sweep and the
-    largest value of a recording are its only peak, with the noise of a point or sample.
+    Expected `peaks_v` and `sigmas_v` per tone at the given point, of a sweep or recording its
+    largest amplitude or value with the noise of a point; `expected` of the target after it and
+    those before.
     """
 
     rank: int
@@ -80,12 +79,11 @@ class Proposal(DriveChoice):
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """Candidates that share output, resonance and level, of sweeps also their controls.
+    """Candidates that share output, resonance and level, of sweeps also controls.
 
-    Of recordings those that repeat one `trace` with one spacing, `spacing_s`.
-
-    Expected sigma (average over points of equal fit) of the `best` and the `worst` of them if it
-    were the only measurement, and of the best added to all proposed ones but the last (`beside`).
+    Recordings repeat one `trace` with spacing `spacing_s`. Expected sigma, averaged over points of
+    equal fit: of the `best` and `worst` as the only measurement, and of the best after all proposed
+    ones but the last (`beside`).
     """
 
     output: str
@@ -102,10 +100,10 @@ class Kind:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacePoint:
-    """A point at which the design was judged.
+    """A point at which the design was evaluated.
 
-    The `target` there and its `sigmas`, first with the data so far and then after every proposed
-    measurement; NaN where it has no value.
+    `target` and its `sigmas`, first with the data so far, then after every proposed measurement;
+    NaN: no value.
     """
 
     alternative: Mapping[str, Scalar]
@@ -116,9 +114,9 @@ class PlacePoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Prospect:
-    """What further measurements are weighed for, and by which `criterion`.
+    """What further measurements are compared for, by a `criterion`.
 
-    `before` is the target's error with the data so far; `sentences` state what was assumed.
+    `before`: the target's error with the data so far; `sentences`: assumptions.
     """
 
     title: str
@@ -135,8 +133,8 @@ class Prospect:
 class Design(Prospect):
     """A proposal for the next measurements.
 
-    `spread` is the target's standard deviation over `equal_fits` points that fit equally well (of
-    which `valueless` have no value); `limits` in words.
+    `spread`: the target's standard deviation over `equal_fits` points that fit equally well,
+    `valueless` of them without a value; `limits` in words.
     """
 
     campaign: str
@@ -170,9 +168,9 @@ class Design(Prospect):
 
 @dataclass(frozen=True, kw_only=True)
 class Way:
-    """One way to spend the time: what it takes, s, and the target's error that is expected then.
+    """One way to use the time: its duration and the target's expected error.
 
-    `counts` are its measurements by the name of the kind: one, of a mixture several.
+    `counts`: its measurements by kind, of a mixture several kinds.
     """
 
     name: str
@@ -183,7 +181,7 @@ class Way:
 
 @dataclass(frozen=True, kw_only=True)
 class Ways(Prospect):
-    """Ways to spend `time_s`, s, the one with the least expected error first."""
+    """Ways to use `time_s`, s, that of the least expected error first."""
 
     time_s: float
     ways: tuple[Way, ...]

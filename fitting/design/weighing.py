@@ -63,16 +63,15 @@ Start = tuple[Mapping[str, Scalar], FloatArray]
 @checked
 @dataclass(frozen=True)
 class Goal:
-    """What the next measurements are for.
+    """Purpose of the next measurements.
 
     Args:
-        target: A parameter or derived output; empty: as the campaign states, else its first output.
-        criterion: "target": error of the target; "D" or "A" of all parameters; empty: as the
-            campaign states, else the target's.
-        number: Measurements at most, 1 to 50; None: as the limits state.
-        seed: Of points of equal fit, at least 0.
-        time_s: What the measurements may take of the laboratory together, s; None: as the limits
-            state.
+        target: A parameter or derived output; empty: the campaign's, else its first output.
+        criterion: "target": error of the target; "D" or "A" of all parameters; empty: the
+            campaign's, else "target".
+        number: Most measurements, 1 to 50; None: the limits'.
+        seed: Of points that fit equally well, at least 0.
+        time_s: Time for all measurements, s; None: the limits'.
 
     Raises:
         BadInput: a criterion, number, seed or time that there is not.

@@ -60,26 +60,24 @@ def init(
 ) -> tuple[Path, tuple[str, ...]]:
     """Write a first campaign.toml that runs as it is, from files of measurements and an FMU.
 
-    Of an FMU alone it is a skeleton, at whose end stands what is missing.
+    Of an FMU alone it is a skeleton, which ends with what is missing.
 
     Args:
-        files: Sweeps of any instrument, amplitudes or with phases; or a table of experiments, with
-            peaks or a spectrum each, and a sweep; or a map, spectra over a control quantity in one
-            table, for an FMU of two coupled modes; or recordings over time, of an output and
-            perhaps an input, for an FMU that is named, or ringdowns. One of them may be the FMU
-            (.fmu).
-        fmu: Path of an FMU, or the name of a model of this project; None: one mode, or two
-            where a sweep shows two lines, and for a map.
+        files: Sweeps; or a table of experiments with peaks or spectra, and a sweep; or a map of
+            spectra over a control in one table; or ringdowns, or, for a named FMU, recordings over
+            time. One may be the FMU (.fmu).
+        fmu: An FMU's path or a model of this project; None: one mode, or two for a sweep with two
+            lines and for a map.
         out: Folder for campaign.toml, made where there is none.
-        columns: What the files do not tell of their columns.
-        told: What is chosen beforehand: "output", "tone", "input", "fit" (several), "amplitudes"
-            ("peak" or "rms"), "kind" ("noise" or "sweep", of a spectrum of amplitudes), "interface"
-            ("co-simulation" or "model-exchange"), "control" (of several sweeps, a file for each
-            value of it: its name, or with values in the order of the files, as "Vg=-6:6:1").
-        ask: Asks a person what nobody told; None: the default is taken, and said.
+        columns: Of the files, what they do not state.
+        told: Choices: "output", "tone", "input", "fit" (several), "amplitudes" ("peak", "rms"),
+            "kind" (of amplitudes over frequency: "noise", "sweep"), "interface" ("co-simulation",
+            "model-exchange"), "control" of several files: its name, or with values in their order,
+            as "Vg=-6:6:1".
+        ask: Asks a person for further choices; None: defaults are used and reported.
 
     Returns:
-        The path of the campaign, and what was found, taken and guessed, in sentences.
+        The path of the campaign; what was recognised, chosen and guessed, in sentences.
 
     Raises:
         BadInput: files or an FMU that cannot be used, or do not suit each other; a folder that

@@ -33,11 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="FILE",
-        help="sweeps of any instrument, or noise spectra; or a table of experiments, its spectra, "
-        "and a sweep; or a map, spectra over a control quantity in one table or a file for each of "
-        "its values; or ringdowns, or "
-        "with --fmu recordings over time, of an output and perhaps an input; one may be the FMU "
-        "(.fmu), which alone gives a skeleton",
+        help="sweeps or noise spectra; or a table of experiments, its spectra, and a sweep; or a "
+        "map, spectra over a control in one table or a file for each value; or ringdowns; "
+        "or with --fmu recordings over time; one may be the FMU (.fmu), which alone gives a "
+        "skeleton",
     )
     parser.add_argument(
         "--fmu", help="the FMU, or a model of this project (one mode: CoupledModes1)"
@@ -50,28 +49,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--kind",
         choices=("noise", "sweep"),
-        help="amplitudes over frequency are noise, or a driven sweep (default: by unit, name and "
-        "scatter)",
+        help="of amplitudes over frequency (by unit, name and scatter)",
     )
     declare(parser, {"--demodulated-at": {}})
     parser.add_argument(
         "--control",
         metavar="NAME[=VALUES]",
-        help='of several sweeps, a file for each value of a quantity: its name, as "Vg", or with '
-        'values in the order of the files, as "Vg=-6:6:1 V" or "T=4,10,20 K" (found in the names '
-        "of the files or above their tables)",
+        help='quantity that differs between sweeps, as "Vg", or with values in the order of the '
+        'files, as "Vg=-6:6:1 V" or "T=4,10,20 K" (in their names or above their tables)',
     )
     parser.add_argument(
         "--output",
         metavar="[COLUMN=]NAME",
-        help="observed output of the FMU; of a recording over time its column, too, as y=x",
+        help="observed output of the FMU; of a recording with its column, as y=x",
     )
     declare(parser, {"--interface": {}})
     parser.add_argument("--tone", metavar="NAME", help="parameter of the FMU that holds the tone")
     parser.add_argument(
         "--input",
         metavar="[COLUMN=]NAME",
-        help="input of the FMU that is driven; of a recording its column, too, as u=F",
+        help="driven input of the FMU; of a recording with its column, as u=F",
     )
     parser.add_argument(
         "--fit", nargs="+", metavar="NAME", action="extend", help="parameters that are fitted"

@@ -79,23 +79,22 @@ def ensemble(
 ) -> Ensemble:
     """Fit many campaigns, or many virtual laboratories and compare the values with the truth.
 
-    The numbers depend neither on how many workers there are nor on the order in which items end. An
-    item that fails is a row that states why; one whose worker is lost is done once more.
+    Numbers depend neither on the workers nor on the order. A failed item is a row with the reason;
+    an item whose worker is lost is repeated once.
 
     Args:
-        of: Virtual laboratories; or campaigns: paths of campaign files, of folders (every
-            campaign.toml below them) and of tables with a column "campaign".
-        fmu: The FMU of all items, a model's name or a path; None: the one that each item names.
-        options: How each item is fitted; None: as its campaign states, with profiles of all values.
-        executor: Where items run: a number of processes of this machine (None: one per processor,
-            up to 8), the address of a dask scheduler as "tcp://10.0.0.1:8786", which gets the FMU
-            to its workers, or an executor, whose workers find all files by their paths.
-        out: Folder in which finished items are kept as they end; None: nothing is written.
-        progress: Is called after every item.
+        of: `Laboratories`; or paths of campaigns, of folders with campaign.toml files below, or of
+            tables with a column "campaign".
+        fmu: The FMU of all items, a model's name or a path; None: each item's.
+        options: How each item is fitted; None: as its campaign states, with all profiles.
+        executor: A number of processes (None: one per processor, up to 8), the address of a dask
+            scheduler as "tcp://10.0.0.1:8786", which gets the FMU to its workers, or an executor
+            whose workers have the files.
+        out: Folder for finished items; None: nothing is written.
+        progress: Called after every item.
 
     Returns:
-        A row per item in their order, and the coverage of every value of known truth. Where it was
-        interrupted, of what had ended.
+        A row per finished item in order, and the coverage of every value of known truth.
 
     Raises:
         BadInput: nothing to do, no such laboratory, scheduler or FMU, or finished items of another
@@ -169,18 +168,18 @@ def finished_items(
 
 @renamed
 def write_ensemble(result: Ensemble, out: str | Path, *, drawn: bool = True) -> list[Path]:
-    """Write what the command line writes: ensemble.json, tables, figure, report.
+    """Write ensemble.json, tables, figure and report, as the command does.
 
     Args:
-        result: Many fits.
+        result: Of `ensemble`.
         out: Folder, made where there is none.
-        drawn: Whether figure and report are wanted.
+        drawn: Whether figure and report are written.
 
     Returns:
-        The paths of all files.
+        The files.
 
     Raises:
-        BadInput: the folder cannot be written, or holds files of these names of others.
+        BadInput: the folder cannot be written, or holds other files of these names.
     """
     folder = Path(out)
     with results_folder(folder, "ensemble", FILES):

@@ -44,8 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="CAMPAIGNS",
         nargs="*",
-        help="a campaign file, a folder with campaigns anywhere below it, or a table (CSV) with a "
-        "column 'campaign' of their paths; each campaign is fitted by itself",
+        help="campaign files, folders with campaigns below, or tables (CSV) with their paths in "
+        "a column 'campaign'",
     )
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument(
@@ -63,37 +63,37 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--laboratories",
         type=whole_number(1),
         metavar="N",
-        help=f"how many; with --resume more than before adds to them ({USUAL})",
+        help=f"number, with --resume also more than before ({USUAL})",
     )
-    declare(parser, {"--seed": "seed of the first laboratory, the others' follow it (1)"})
+    declare(parser, {"--seed": "seed of the first laboratory (1)"})
     parser.add_argument(
         "--change",
         action="append",
         default=[],
         metavar="NAME=NUMBER",
-        help="another number of the laboratories, as noise_scale=0.5; may be repeated",
+        help="a number of the laboratories, as noise_scale=0.5; may be repeated",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for results")
     place = parser.add_mutually_exclusive_group()
-    workers = "processes of this machine, an item at a time in each (one per processor, up to 8)"
+    workers = "worker processes (one per processor, up to 8)"
     declare(place, {"--workers": workers})
     place.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="a dask scheduler whose workers do the items, as tcp://10.0.0.1:8786",
+        help="of dask, whose workers fit the items, as tcp://10.0.0.1:8786",
     )
     parser.add_argument("--resume", action="store_true", help="continue from the finished items")
     parser.add_argument(
         "--fmu",
         metavar="FMU",
-        help="fit by this FMU, a file or a model's name (the one that each campaign names)",
+        help="FMU of all items (each campaign's)",
     )
     parser.add_argument(
         "--value",
         action="append",
         default=[],
         metavar="NAME",
-        help="profile this parameter or derived output alone; may be repeated (all)",
+        help="profile this parameter or derived output; may be repeated (all)",
     )
     cost = "only print the expected cost, by the plan of the first item; nothing is written"
     options: Options = {

@@ -34,14 +34,14 @@ _log = logging.getLogger(__name__)
 @checked
 @dataclass(frozen=True)
 class Laboratories:
-    """Virtual laboratories of one kind, with a seed each, from ``seed`` on.
+    """Virtual laboratories of one kind, with seeds from ``seed`` on.
 
     Args:
-        truth: What is measured, as `synthesize` and `synthesize_curves` take it: a name as "q1" or
-            "notch", a bench, or the path of a synthetic campaign or of its truth.toml.
-        count: How many, at least 1.
+        truth: As of `synthesize` and `synthesize_curves`: a name as "q1" or "notch", a bench, or
+            the path of a synthetic campaign or its truth.toml.
+        count: Number, at least 1.
         seed: The first seed, at least 0.
-        changes: Numbers of the laboratory that are different, by name, as ``noise_scale``.
+        changes: Numbers of the laboratory by name, as ``noise_scale``.
 
     Raises:
         BadInput: no such laboratory, or numbers out of their range.
@@ -82,12 +82,12 @@ class EnsembleOptions:
     """How each item is fitted.
 
     Args:
-        values: Parameters and derived outputs that are profiled; none: all.
+        values: Parameters and derived outputs to profile; none: all.
         profiles: Whether profiles are scanned; else errors are from the covariance.
-        starts: How many starts are followed; None: as each campaign states.
-        quick: One start where ``starts`` is not stated.
-        budget: Runs of the FMU by the profiles of an item, about, at most; None: as of `profile`.
-        resume: Whether finished items in ``out`` count.
+        starts: Number of starts; None: as each campaign states.
+        quick: One start where ``starts`` is None.
+        budget: Runs of the FMU by the profiles of an item, about; None: as of `profile`.
+        resume: Whether finished items in ``out`` are kept.
 
     Raises:
         BadInput: a number out of its range.

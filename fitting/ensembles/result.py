@@ -134,7 +134,7 @@ class Coverage:
 
 @dataclass(frozen=True, kw_only=True)
 class Ensemble(EndedRecord):
-    """Many fits: what of, a row for each that has ended, in order.
+    """Many fits: a row for each finished item, in order.
 
     ``total`` is the number of items, ``synthetic`` whether they are virtual laboratories.
     """

@@ -62,9 +62,9 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True)
 class StartResult:
-    """Where searches led: from where the first began (canonical values), and how many ended there.
+    """A minimum: the start of the first search that led to it, and their number `descents`.
 
-    `chi_square` by the noise as it is stated, `equivalent` where that is no higher than the lowest.
+    `chi_square` by the stated noise; `equivalent`: whether it is no higher than the lowest.
     """
 
     begun: Mapping[str, float]
@@ -76,10 +76,10 @@ class StartResult:
 
 @dataclass(frozen=True, kw_only=True)
 class AlternativeResult:
-    """One discrete alternative at its most likely point; `equal_to_best` within `EQUAL`.
+    """One discrete alternative at its most likely point.
 
-    `chi_square` by the noise of the reported one; `starts` are the minima of its search, which is
-    None where the box was not searched.
+    `chi_square` by the noise of the reported one; `starts`: minima of its search, which is None
+    without one.
     """
 
     settings: Mapping[str, Scalar]

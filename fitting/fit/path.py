@@ -40,11 +40,11 @@ PATH, GLOBAL = "path", "global"
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
-    """One level of ν: at what misfit it ended, and how well.
+    """One level of ν: its misfit and convergence.
 
-    `change` is the paper's E; `optimality` the largest component of the Lagrangian's gradient;
-    `second_j` the J that a second solver comes by from there (NaN where none was asked); `status`
-    is "converged" or "iteration limit". Iterations, evaluations and seconds are of this level.
+    `change`: the paper's E; `optimality`: the largest component of the Lagrangian's gradient;
+    `second_j`: J of a second solver from there (NaN: none); `status`: "converged" or "iteration
+    limit".
     """
 
     level: int
@@ -99,7 +99,12 @@ class PathLevel(Level):
 
 @dataclass(frozen=True, kw_only=True)
 class HistoryRow(Level):
-    """A level with its values by name; level -1 is the campaign's start, before any solve."""
+    """A level with its values by name; level -1 is the campaign's start.
+
+    `change`: the paper's E; `optimality`: the largest component of the Lagrangian's gradient;
+    `second_j`: J of a second solver from there (NaN: none); `status`: "converged" or "iteration
+    limit".
+    """
 
     parameters: Mapping[str, float]
     derived: Mapping[str, float]

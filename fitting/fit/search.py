@@ -177,12 +177,11 @@ class Minimum:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """How a box was searched in one alternative.
+    """Search within the bounds in one alternative.
 
-    `screened` points of the box were evaluated, `descents` searches started in `screens` rounds
-    from the best of them. `explained`: whether noise explains the lowest; `twins` number of exact
-    symmetries of the model; `refused` points of the box at which the model failed, the first with
-    the words of `refusal`.
+    `screened` points were evaluated and `descents` started in `screens` rounds from the best.
+    `explained`: whether noise explains the lowest; `twins`: exact symmetries of the model;
+    `refused` points at which the model failed, first with `refusal`.
     """
 
     screened: int

@@ -51,11 +51,11 @@ class Reduction(Keys, Generic[Setting]):
     bound: Text | None = None
     """FMU output that bounds what is left out; {output} is the observed one."""
     start: Switch = False
-    """Whether it sets the start state alone, and the model is whole."""
+    """Whether it only sets the start state of the whole model."""
     slow: Switch = False
-    """Whether steps of the solver then follow the beats of the tones, and not their periods."""
+    """Whether steps of the solver follow beats of the tones instead of periods."""
     cost: Positive = 0.5
-    """Part of a run's work that is left, where processor time is not reported."""
+    """Remaining share of a run's work, if processor time is not reported."""
 
     def __post_init__(self) -> None:
         if not self.set:
@@ -67,7 +67,7 @@ class AccuracyNames(Keys):
     """Parameters of an FMU that set its accuracy, and reductions by their names."""
 
     tolerance: Text | None = None
-    """FMU parameter that bounds its solver's relative error."""
+    """FMU parameter: bound of its solver's relative error."""
     substep: Text | None = None
     """FMU parameter: longest substep, s."""
     force: Texts = ()

@@ -31,17 +31,17 @@ PROCESSORS = {"x86_64": (0xC000003E, 0), "aarch64": (0xC00000B7, 1)}
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Isolation:
-    """Limits of an FMU that runs isolated; its worker processes keep to them, each by itself.
+    """Limits of each worker process of an isolated FMU.
 
-    Beside them it writes into a folder of its own alone, and has no network, where the system can
-    hold that (Linux); what the system cannot is a warning.
+    It also writes only into its own folder and has no network, as far as the system enforces that
+    (Linux); else a warning.
 
-    Attributes:
-        memory_mb: Memory beyond that of the worker itself, MB.
+    Args:
+        memory_mb: Memory beyond the worker's own, MB.
         processor_s: Processor time of one run, s.
-        files: Files that are open at a time.
-        written_mb: What it has written into its folder, MB.
-        strict: Whether a system that cannot hold all of it is refused.
+        files: Open files.
+        written_mb: Size of its folder, MB.
+        strict: Whether a system that cannot enforce all is an error.
 
     Raises:
         BadInput: a number that is not positive; ``strict``, and this system cannot hold all of it.

@@ -138,22 +138,19 @@ ELSEWHERE = ((1.1, 0.3), (1.0 / 1.3, -0.5), (1.2, 1.0))
 
 @dataclass(frozen=True, kw_only=True)
 class SweepLine(LineResult):
-    """One damped mode fitted to the sweep itself, without the FMU; NaN where it shows none.
+    """One damped mode fitted to the sweep itself, without the FMU; NaN where there is none.
 
-    ``forms`` are the fits without and with a complex background, whatever the campaign chose, and
-    with an offset, or one with a slope, if it chose that or that leaves less.
+    ``forms``: without and with a complex background, and with an offset or slope if the campaign
+    has it or it fits better.
 
     Attributes:
         amplitude: peak, in ``unit``, at the eigenfrequency.
-        background: of the campaign, with which the line was fitted.
+        background: the campaign's, with which the line was fitted.
         message: why there is no line, or how the fit ended.
-        notes: all that the head of the file contains.
-        background_p: probability that noise alone lets the last form gain as much (F-test); NaN
-            where one of them failed or nothing is left to gain.
-        values: names of values of the fit that are this line's "frequency", "width" or "q"
-            (`values_of_line`).
-        mirrored: the other amplitude with which, with a complex background, the sweep has the same
-            curve; None where there is none.
+        notes: head of the file.
+        background_p: p-value of the last form (F-test); NaN: not tested.
+        values: names of fitted values that are "frequency", "width" or "q" of this line.
+        mirrored: the other amplitude with the same curve, with a complex background; else None.
     """
 
     amplitude: LineNumber

@@ -42,41 +42,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind.add_argument(
         "--series",
         choices=(*SERIES, *CURVES),
-        help="one of the paper's two series, the q1 string driven until it is nonlinear, swept "
-        "under a parametric pump, swept under a pump at the distance of the modes and at half of "
-        "it, one mode measured by a network analyser, spectra over a "
-        "voltage, or a string over time: let go, under a chirp, let go behind a lock-in, or "
-        "measured by an analyser of zero span",
+        help="the paper's two series; the q1 string driven nonlinearly, swept under a pump, or "
+        "under pumps at the distance of the modes and half of it; one mode in a network "
+        "analyser; spectra over a voltage; a string over time: a decay, under a chirp, "
+        "behind a lock-in, or levels of an analyser",
     )
     kind.add_argument(
         "--like",
         type=Path,
         metavar="CAMPAIGN.toml",
-        help=f"a synthetic campaign; the {TRUTH_NAME} in its folder is the truth again",
+        help=f"a synthetic campaign, whose {TRUTH_NAME} is used",
     )
     kind.add_argument(
         "--plan",
         type=Path,
         metavar="CAMPAIGN.toml",
-        help="a campaign that fmu-fit design proposed, to be measured; wants --truth",
+        help="a campaign by fmu-fit design to measure; needs --truth",
     )
     parser.add_argument(
         "--truth",
         type=Path,
         metavar="TRUTH.toml",
-        help=f"with --plan: the {TRUTH_NAME} of the laboratory that measures it",
+        help=f"with --plan: {TRUTH_NAME} of the laboratory",
     )
-    declare(parser, {"--seed": {"default": 1, "help": "seed of all noise (default 1)"}})
+    declare(parser, {"--seed": {"default": 1, "help": "seed of all noise (1)"}})
     parser.add_argument(
         "--cross-mode",
         action="store_true",
-        help="record the other mode at every drive pair too, by lock-in amplifiers",
+        help="also record the other mode at every drive pair, by lock-in amplifiers",
     )
     parser.add_argument(
         "--phases",
         action="store_true",
-        help="record X and Y of every tone, of both modes with --cross-mode; of tones alone, not "
-        "of sweeps; with --series crossing: of every point",
+        help="record X and Y of every tone, not of sweeps; with --series crossing of every point",
     )
     parser.add_argument(
         "--modes",
@@ -87,7 +85,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--reference",
         action="store_true",
-        help="with --series crossing: a sweep at the first voltage besides, for the scale of tones",
+        help="with --series crossing: also a sweep at the first voltage, for the scale of tones",
     )
     parser.add_argument(
         "--restart",
@@ -101,8 +99,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--noise",
         type=bounded_number,
         metavar="X",
-        help="with --cross-mode or --phases: relative noise of every quadrature (default 0.01); "
-        "of a network analyser, spectra or a trace: over the largest value",
+        help="with --cross-mode or --phases: relative noise of every quadrature (0.01); else of "
+        "a network analyser, spectra or a trace over the largest value",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, (_, text) in OPTIONS.items():

@@ -65,23 +65,21 @@ def synthesize_curves(
     """A campaign of one complex sweep, of spectra over a voltage, or of a trace, with known truth.
 
     S = a e (1 + s x + c H) behind a wiring, |q1| of coupled modes, or q1 over time, by closed
-    forms that are not the FMU.
+    forms.
 
     Args:
-        kind: "transmission", "notch" or "reflection": one mode as a network analyser sees it;
-            "crossing": two modes that a voltage tunes through each other, or with ``modes=3`` one
-            through two that are coupled; "ringdown": two beating modes that are let go, over time;
-            "chirp": the same under a chirp; "lock-in": X and Y of such a decay at 1 MHz;
-            "zero-span": levels of one mode's.
-        seed: Seed of the noise, a whole number of at least 0.
+        kind: "transmission", "notch" or "reflection": one mode in a network analyser; "crossing":
+            two modes tuned through each other by a voltage, with ``modes=3`` one through a coupled
+            pair; "ringdown": a beating decay; "chirp": under a chirp; "lock-in": X and Y of a decay
+            at 1 MHz; "zero-span": levels of one mode's decay.
+        seed: Of all noise, at least 0; the same seed gives the same numbers.
         out: Folder for the files; None: nothing is written.
-        command: What the head of every file states that made it.
-        **changes: Numbers that are different, by the names of the fields of `WiredResonance`,
-            `AvoidedCrossing`, `StringTrace` or `StringPhasors`: ``noise``, ``points``,
-            ``delay_s`` (s), ``lambda_hz`` (Hz), ...
+        command: Origin that the files state.
+        **changes: Numbers by field of `WiredResonance`, `AvoidedCrossing`, `StringTrace` or
+            `StringPhasors`: ``noise``, ``points``, ``delay_s`` (s), ``lambda_hz`` (Hz), ...
 
     Returns:
-        The files and the truth behind them.
+        Measurements and truth.
 
     Raises:
         BadInput: no such kind, impossible numbers, or a folder with files that were not
@@ -102,29 +100,26 @@ def synthesize(
     command: str = "fitting.synthesize",
     **changes: Any,
 ) -> Synthetic:
-    """A campaign with known truth, noise and drift.
+    """A campaign with known truth, noise and drift, computed without an FMU.
 
-    The sample of the bench answers every drive with its steady amplitudes, by phasors or, with
-    cubic terms, by harmonic balance; noise and drift come from the seed. No FMU is run.
+    Steady amplitudes are by phasors, with cubic terms by harmonic balance.
 
     Args:
-        truth: What is measured: "q1" or "q2" (the paper's series), "duffing" (its string driven
-            hard), "pumped" (its sweeps under a parametric pump), "string_pumped" (those under a
-            pump at the distance of the modes and at half of it), the kind of a curve as
-            `synthesize_curves` takes it, a bench or curve, or the path of a synthetic campaign or
-            of its truth.toml; of a plan of sweeps "pumped", "crossing", or the path of such a
-            campaign, of tones at values of a control the latter.
-        seed: Seed of all noise, a whole number of at least 0; the same seed gives the same numbers.
-        instrument: How the series is read; None: as the bench has it.
-        plan: A campaign that `fmu-fit design` proposed, whose rows or sweeps are measured instead
-            of a series of the bench.
+        truth: "q1", "q2" (the paper's series), "duffing" (nonlinear), "pumped" (swept under a
+            parametric pump), "string_pumped" (pumped at the distance of the modes and at half of
+            it), a kind of `synthesize_curves`, a bench or curve, or the path of a synthetic
+            campaign or its truth.toml. Of a plan of sweeps "pumped", "crossing" or the path of such
+            a campaign, of tones at values of a control a path.
+        seed: Of all noise, at least 0; the same seed gives the same numbers.
+        instrument: How the series is read; None: the bench's.
+        plan: A campaign proposed by `fmu-fit design` that is measured.
         out: Folder for the files; None: nothing is written.
-        command: What the head of every file states that made it.
-        **changes: Numbers of the bench that are different, by the names of its records:
-            ``noise_scale``, ``drift_hz``, ``crest_v``, ``d1_hz``, ``theta_rad``, ``alpha1``, ...
+        command: Origin that the files state.
+        **changes: Numbers of the bench by field: ``noise_scale``, ``drift_hz``, ``crest_v``,
+            ``d1_hz``, ``theta_rad``, ``alpha1``, ...
 
     Returns:
-        What was measured and the truth behind it.
+        Measurements and truth.
 
     Raises:
         BadInput: no such bench, impossible numbers, a plan that the bench cannot follow, or a

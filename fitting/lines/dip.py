@@ -30,11 +30,10 @@ DIVISORS = {NOTCH: 1.0, REFLECTION: 2.0}
 
 @dataclass(frozen=True, kw_only=True)
 class DipReading(Renamed):
-    """What a line means that is a dip: next to a feed line (notch) or at its end (reflection).
+    """Meaning of a dip: next to a feed line (notch) or at its end (reflection).
 
-    Intervals of both quality factors are symmetric in 1/Q, and infinite above where no loss at all
-    fits the points as well. A value is NaN where its loss is negative, and the lower end where it
-    is negative all over the interval.
+    Intervals of both quality factors are symmetric in 1/Q, infinite above if no loss fits as well;
+    NaN: negative loss.
     """
 
     wiring: str

@@ -81,9 +81,9 @@ def single_points(
 
 @dataclass(frozen=True, kw_only=True)
 class Spike:
-    """A point that was left out: ``place`` in the file, frequency in Hz, size in the trace's unit.
+    """An excluded point: its ``place`` in the file, frequency, and ``size`` in the trace's unit.
 
-    ``expected`` is the size that its neighbours make likely.
+    ``expected``: the size that its neighbours make likely.
     """
 
     place: str
@@ -287,17 +287,15 @@ def plain_line(frequency_hz: FloatArray, amplitude: FloatArray) -> LineFit | Non
 
 @dataclass(frozen=True, kw_only=True)
 class Clipped:
-    """A top that was cut off.
+    """A top that was cut off and excluded.
 
     Attributes:
-        limit: size of the points that were cut off, of complex values of the part that was, in the
-            trace's unit.
-        count: how many there are.
-        beside: how many others were left out, where noise decides which are cut off.
-        low_hz: of the first point that was left out, Hz.
-        high_hz: of the last one, Hz.
-        width_hz: full width at half of the power that the line of all points would have, Hz; NaN
-            of complex values.
+        limit: size of cut points, of complex values of the cut part, in the trace's unit.
+        count: number of them.
+        beside: further excluded points, where noise decides which are cut.
+        low_hz: first excluded point, Hz.
+        high_hz: last one, Hz.
+        width_hz: FWHM with all points, Hz; NaN of complex values.
     """
 
     limit: float

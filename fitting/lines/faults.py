@@ -56,14 +56,12 @@ class Fault(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class SweepFault:
-    """One fault: its number with standard deviation, where it is, and what it does to the width.
+    """One fault of a sweep.
 
-    `size` is k of a power, the share that is missing at the top of a saturated line (of the law
-    that fits best: another may fit as well with another size and width) or above the clipped
-    points, the distance of an outlier over the top of the line, or that of a background.
-    `width_hz` is the full width without and with the fault taken into account. `p_value` is the
-    probability that noise alone gains as much. `two_lines`: whether two lines that overlap
-    leave noise, too.
+    `size`, with `std`: exponent k of a power, missing share of a saturated top (of the law that
+    fits best) or above clipped points, distance of an outlier or background over the top.
+    `width_hz`: FWHM without and with the fault; `p_value` of noise alone; `two_lines`: whether two
+    overlapping lines leave only noise, too.
     """
 
     fault: Fault

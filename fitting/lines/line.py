@@ -37,26 +37,23 @@ class Line(MeasuredLine):
 
     Attributes:
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
-        mirrored: the other amplitude that amplitudes with a complex constant or a tail do not
-            distinguish from it; None in other forms, and where they do.
-        bend: how far the top is shifted by the mode's nonlinearity, Hz; None of a linear line.
-        background: the constant of "offset", "floor" and "rice", in ``unit``, of "sloped"
-            amplitudes its value at the eigenfrequency, of "single" the noise of either quadrature
-            of a reading; zero in other forms.
-        slope: what that of "sloped" amplitudes changes by, ``unit`` for every Hz.
-        wiring: the form that was taken, see ``forms``; or the wiring that was requested.
-        is_requested: whether it was requested, and not the result of a comparison.
-        delay: of the cable, s; None where it was not fitted.
-        rivals: other forms of amplitudes that describe the points nearly as well, for which the
-            errors hold, too.
-        rivals_widening: factor on the errors for them, on frequency or width; else 1.
-        readings: where the line is a dip, what it means in each wiring.
-        faults: what makes the points no damped line.
-        further_hz: where points outside of the chosen range show another line, Hz.
-        others: further lines that were requested, and fitted with the first one.
-        spikes: single points far off their neighbours, which were left out.
-        clipped: a top that the instrument cut off, which was left out; None where none was.
-        phases_reversed: whether the file counts phases as Re[value exp(-i 2 pi f t)].
+        mirrored: the other amplitude that fits as well, with a complex constant or tail; else None.
+        bend: shift of the top by nonlinearity, Hz; None of a linear line.
+        background: of "offset", "floor" and "rice" the constant, in ``unit``; of "sloped" its value
+            at the eigenfrequency; of "single" the noise of a quadrature; else zero.
+        slope: of "sloped" amplitudes, ``unit`` per Hz.
+        wiring: the requested or chosen form.
+        is_requested: whether it was requested.
+        delay: of the cable, s; None: not fitted.
+        rivals: other forms that fit nearly as well, included in the errors.
+        rivals_widening: factor on the errors for them; else 1.
+        readings: of a dip, in each wiring.
+        faults: deviations from a damped line.
+        further_hz: lines outside of the chosen range, Hz.
+        others: further requested lines.
+        spikes: excluded single points.
+        clipped: excluded top; None: none.
+        phases_reversed: whether the file has phases of Re[value exp(-i 2 pi f t)].
     """
 
     amplitude: LineNumber

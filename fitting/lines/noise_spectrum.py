@@ -439,13 +439,13 @@ class NoiseLine(MeasuredLine):
 
     Attributes:
         power: of the line over all frequencies, in ``unit`` squared, pi/2 times height times width;
-            NaN of two modes that are moved by one force or through each other.
+            NaN of two modes moved by one force or through each other.
         rms: its root, in ``unit``.
-        height: density of the line at its frequency, without the floor, ``unit`` squared per Hz.
-        floor: white density under it, ``unit`` squared per Hz; ``floor_std`` its error.
-        averages: of how many periodograms the points are averages, as they scatter.
-        kind: how two modes are moved: "own" forces, "together" by one, "coupled".
-        spacing_hz: between two points, Hz.
+        height: density of the line at its frequency, ``unit`` squared per Hz.
+        floor: white density, ``unit`` squared per Hz, with error ``floor_std``.
+        averages: averaged periodograms, estimated from the scatter.
+        kind: two modes moved by their "own" forces, "together" by one, or "coupled".
+        spacing_hz: of the points, Hz.
     """
 
     power: LineNumber

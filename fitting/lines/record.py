@@ -117,10 +117,9 @@ class Renamed:
 
 @dataclass(frozen=True, kw_only=True)
 class LineValues(Renamed):
-    """One line: ``frequency`` its eigenfrequency, ``width`` its FWHM, both Hz, ``q`` their ratio.
+    """One line: ``frequency`` and ``width`` (FWHM), Hz, and their ratio ``q``.
 
-    Errors (``std``) are half of the interval that holds the truth in 68 of 100 such measurements,
-    ``ci95`` holds it in 95. Both are Student's, as the noise is known from the residuals alone.
+    ``std`` is half of the 68 % interval; it and ``ci95`` are Student's.
     """
 
     frequency: LineNumber
@@ -165,16 +164,16 @@ def line_numbers(
 
 @dataclass(frozen=True, kw_only=True)
 class TriedForm(LineValues):
-    """A form of a line or of its background and what it gives; NaN where its fit failed.
+    """A form of a line or its background, as fitted; NaN where that failed.
 
     Attributes:
         name: of the form.
-        rms_residual: root mean square of the residuals, over the line's amplitude.
-        criterion: Akaike's, over the least of all forms; 10 is plainly worse. NaN: not compared.
-        structure: what the residuals show of the noise.
-        message: why it could not be fitted, or how the fit ended.
-        delayed: whether the delay of a cable is fitted, too.
-        second: whether a second line among the points is fitted, too.
+        rms_residual: over the line's amplitude.
+        criterion: ΔAIC from the best form, 10 is plainly worse. NaN: not compared.
+        structure: tests of the residuals.
+        message: why it failed, or how the fit ended.
+        delayed: with the delay of a cable.
+        second: with a second line.
         offset: of phasors, from the demodulation frequency, Hz.
     """
 
@@ -193,13 +192,13 @@ class SecondLine(LineValues):
     """A further line that is fitted with the first one.
 
     Attributes:
-        share: its height over that of the first one; of a ringdown at the first sample.
-        amplitude: of a sweep, that of this line alone at its eigenfrequency.
-        phase_rad: its phase from that of the first one; NaN: not measured.
-        mirrored: the other share that amplitudes do not distinguish from it; NaN without.
-        decays: of a ringdown, whether it decays; else it is a tone that stays.
+        share: its height over the first one's; of a ringdown at the first sample.
+        amplitude: of a sweep, alone at its eigenfrequency.
+        phase_rad: relative to the first one; NaN: not measured.
+        mirrored: the other share with the same amplitudes; NaN without.
+        decays: of a ringdown; False: a constant tone.
         offset: of phasors, from the demodulation frequency, Hz.
-        decay_time: of a ringdown, in which the amplitude falls to 1/e, s.
+        decay_time: of a ringdown, of the amplitude to 1/e, s.
     """
 
     share: float
@@ -284,14 +283,12 @@ class LineResult(LineValues):
     Attributes:
         source: the file, or "arrays".
         unit: of amplitudes; "1": none.
-        rms_residual: root mean square of the residuals over the amplitude; NaN of a noise spectrum.
+        rms_residual: over the amplitude; NaN of a noise spectrum.
         dof: degrees of freedom of the noise.
-        structure: what the residuals show of the noise: probabilities of tests, effective sample
-            size, factor on the errors.
-        forms: every form that was tried, in a line's own result the one that was taken first.
-        second: a further line that was fitted, too; None without.
-        instrument: the instrument's own estimates, "frequency_hz" and "q", as far as the file has
-            them.
+        structure: tests of the residuals.
+        forms: compared forms; the chosen one first.
+        second: a further line; None without.
+        instrument: its own "frequency_hz" and "q", if the file has them.
     """
 
     source: str = ""
@@ -329,10 +326,10 @@ Floats = tuple[float, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Points:
-    """What was measured and what was fitted, (n,) each; imaginary parts are empty without phases.
+    """Measured and fitted values, (n,) each; imaginary parts are empty without phases.
 
-    One of ``frequency_hz`` and ``time_s`` is empty. Phases of a sweep are counted as
-    Re[value exp(i 2 pi f t)]: they fall over a resonance. Densities are in the unit squared per Hz.
+    One of ``frequency_hz`` and ``time_s`` is empty. Phases of a sweep are those of Re[value exp(i 2
+    pi f t)] and fall over a resonance; densities are in the unit squared per Hz.
     """
 
     measured: Floats
@@ -394,12 +391,12 @@ class MeasuredLine(LineResult):
     """One resonance of a file or of arrays.
 
     Attributes:
-        chisqr: sum of the squared residuals as they were weighted, in the squared unit; of a noise
-            spectrum the deviance over what it is expected to be for each point.
-        unknowns: real numbers that were fitted.
+        chisqr: sum of the weighted squared residuals, in the squared unit; of a noise spectrum the
+            deviance over its expectation per point.
+        unknowns: fitted real numbers.
         correl: correlations of the numbers of ``var_names``, (k, k).
-        reading: how the file was read: findings that ask nothing of the reader.
-        points: what was measured and what was fitted.
+        reading: how the file was read.
+        points: measured and fitted values.
     """
 
     chisqr: float

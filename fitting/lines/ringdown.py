@@ -135,28 +135,26 @@ class DecayFit(FormFit):
 class Ringdown(MeasuredLine):
     """One resonance of a ringdown.
 
-    The frequency is NaN where the record does not determine it: of amplitudes alone, and of phasors
-    without a demodulation frequency. The quality factor of amplitudes is that of the demodulation
-    frequency. ``rms_residual`` is over the amplitude at the first sample.
+    The frequency is NaN of amplitudes alone and of phasors without a demodulation frequency; the
+    quality factor of amplitudes is at that frequency. ``rms_residual`` is over the amplitude at the
+    first sample.
 
     Attributes:
         kind: "samples" of the motion, "phasors" of a demodulator, or "amplitudes".
         offset: of phasors, from the demodulation frequency, Hz; else None.
-        decay_time: in which the amplitude falls to 1/e, s.
-        amplitude: of the line at its first sample, in ``unit``.
-        shift: how far the frequency is moved at the first sample, by the square of the amplitude,
-            Hz; zero where that is not fitted.
-        extra: by how much the FWHM at the first sample exceeds that of small amplitudes, Hz; zero
-            where that is not fitted.
+        decay_time: of the amplitude to 1/e, s.
+        amplitude: at the first sample, in ``unit``.
+        shift: of the frequency at the first sample by the squared amplitude, Hz; zero: not fitted.
+        extra: FWHM at the first sample beyond that of small amplitudes, Hz; zero: not fitted.
         reference_hz: of the demodulator, Hz; NaN: not stated.
-        form: the form that was taken, see ``forms``.
-        rival: another form of amplitudes that describes the samples nearly as well, for which the
-            errors hold, too; mostly empty.
-        background: the constant, its modulus if phases were recorded, in ``unit``; of amplitudes
-            without one the noise of X, and of Y; ``background_std`` its error, zero of a noise.
-        begin_s: time of the first sample that is used, s.
-        left_out: samples before it: of a drive or a blow.
-        spacing_s: between two samples, s.
+        form: the chosen form.
+        rival: another form of amplitudes that fits nearly as well, included in the errors; mostly
+            empty.
+        background: constant, of phases its modulus, in ``unit``, with error ``background_std``; of
+            amplitudes without one the noise of a quadrature.
+        begin_s: first used sample, s.
+        left_out: samples before it.
+        spacing_s: of the samples, s.
     """
 
     kind: str

@@ -60,12 +60,11 @@ BACKGROUNDS = ("none", "constant", "slope")
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Wiring:
-    """What stands beside the response.
+    """How a response is part of the measured values.
 
     Args:
         kind: "transmission", "notch" or "reflection".
-        background: "none", "constant" or "slope"; the constant of a notch or reflection is there
-            anyway.
+        background: "none", "constant" or "slope"; a notch or reflection always has the constant.
 
     Raises:
         BadInput: another word.
@@ -120,20 +119,20 @@ class ComplexCurve(Record, Curve):
 
     Args:
         frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
-        values: Measured X + i Y, shape (n,), in ``unit``, phases as Re[values exp(i 2 pi u t)].
-        sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
-        settings: Start values of the FMU during the sweep by variable, in the FMU's units.
+        values: X + i Y, shape (n,), in ``unit``, phases as Re[values exp(i 2 pi u t)].
+        sigma: Standard deviation of each quadrature, in ``unit``; 0: from the residuals.
+        settings: Start values of the FMU by variable, in the FMU's units.
         setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
-            fitted.
-        label: Name of the sweep; wanted where there are several.
-        output: The FMU's output that is seen; empty: the setup's.
-        wiring: What stands beside the response.
-        delay_s: Delay of the cable, s; None: it is fitted.
-        shared: Whether it shares its complex gain with all others that do.
-        restarted: Whether the phase of a shared gain is its own.
+            fitted; others are exact.
+        label: Name of the sweep; required with several.
+        output: The observed output of the FMU; empty: the setup's.
+        wiring: How the response is part of the values.
+        delay_s: Delay of the cable, s; None: fitted.
+        shared: Whether it shares one complex gain with others.
+        restarted: Whether its phase of a shared gain is its own.
         unit: Of the values.
-        source: What complaints name it by.
-        left_out: Which points of the file are not here, and why.
+        source: Its name in errors.
+        left_out: Points of the file that are left out, with reasons.
 
     Raises:
         BadInput: fewer than 8 points, shapes that differ, values that are no numbers.

@@ -126,9 +126,9 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
 
     Args:
         setup: How the FMU is driven and what is observed.
-        curves: The sweeps; one alone will do.
-        units: Units of the control quantities that settings of the sweeps name, for laws.
-        one_delay: Whether all delays that are fitted are one, that of the cable.
+        curves: One sweep or several.
+        units: Units of control quantities in the settings of sweeps, for laws.
+        one_delay: Whether all fitted delays are one.
         series: Measurements of one series share their setup.
 
     Raises:

@@ -65,24 +65,23 @@ class ComplexKeys(Keys):
     """How complex values are read, and how the response stands in them."""
 
     columns: ComplexColumns = field(default_factory=ComplexColumns)
-    """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
-    where the file tells none."""
+    """Columns of other than the usual names, with unit as "X1 (mV)" if the file states none."""
     conjugate: Switch = False
-    """The instrument counts phases the other way: the phase of a response rises with frequency."""
+    """Phases are counted the other way: that of a response rises with frequency."""
     sigma: Value | None = None
-    """Standard deviation of each quadrature, as "0.1 uV"; without it the residuals tell it."""
+    """Standard deviation of each quadrature, as "0.1 uV"; without it from the residuals."""
     output: Text | None = None
-    """The FMU output that is seen; without it that of [observe]."""
+    """The observed FMU output; without it that of [observe]."""
     wiring: Annotated[Text, OneOf(WIRINGS)] = "transmission"
-    """How the response stands in what is seen, see the page on amplitude and phase."""
+    """How the response is part of the values, see `fmu-fit help phases`."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
-    """Complex background beside the response, solved inside."""
+    """Complex background next to the response, solved for."""
     delay: Text = "none"
     """Of the cable: "none", "fit", or a known one as "40 ns"."""
     scale: Annotated[Text, OneOf(("own", "shared"))] = "own"
-    """Complex gain: its own, or one for all sweeps that share it."""
+    """Complex gain: its own, or one for all that share it."""
     restarted: Switch = False
-    """With scale = "shared": the phase of the gain is its own, as after a restart of the
+    """With scale = "shared": its phase of the gain is its own, as after a restart of the
     instrument."""
 
     def check(self) -> None:
@@ -382,7 +381,7 @@ class ComplexSweepTable(StatedTable, LayoutKeys, ComplexKeys):
 
     file: FileName
     """Frequency with X and Y, real and imaginary part, amplitude and phase, or dB and phase, each
-    column with its unit."""
+    with its unit."""
 
     def __post_init__(self) -> None:
         self.check()
@@ -405,11 +404,10 @@ class ComplexControlSweepTable(ControlTable, ComplexKeys):
     TABLE: ClassVar[str] = "complex_control_sweep"
 
     file: FileName
-    """Either all points, a row each: the controls, frequency, X and Y (or Re and Im, amplitude and
-    phase, dB and phase); or a row for each sweep: the controls, and in the column file the name of
-    the sweep's own file."""
+    """A row for each point: controls, frequency, X and Y (or Re and Im, amplitude and phase, dB and
+    phase); or for each sweep: controls, and the name of its file in the column file."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
-    """How the instrument writes the sweeps' own files; without it their content decides."""
+    """Format of the sweeps' own files; without it recognised."""
 
     def __post_init__(self) -> None:
         self.check()

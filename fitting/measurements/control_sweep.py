@@ -74,13 +74,13 @@ class ControlSpectrum(Curve):
 
     Args:
         frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
-        amplitude: Measured peak amplitudes, shape (n,), in the unit of the control sweep.
-        settings: Values of the controls, and of variables of the FMU, by name.
-        label: Name of the place; empty: the values of the controls.
-        sigma: Standard deviations of the amplitudes, shape (n,) or one; 0: not known.
+        amplitude: Peak amplitudes, shape (n,), in the unit of the control sweep.
+        settings: Values of the controls and of variables of the FMU, by name.
+        label: Its name; empty: the values of the controls.
+        sigma: Standard deviations of the amplitudes, shape (n,) or one; 0: unknown.
         drive: Amplitude of the drive over its level, shape (n,) or one.
-        left_out: Which points of the file are not here, and why.
-        scattered: Whether `sigma` is how the points scatter about a smooth curve.
+        left_out: Points of the file that are left out, with reasons.
+        scattered: Whether ``sigma`` is the scatter about a smooth curve.
 
     Raises:
         BadInput: fewer than 8 points, shapes that differ, frequencies that do not rise, amplitudes
@@ -148,15 +148,15 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
     """Spectra at several values of control quantities, one row for each point.
 
     Args:
-        setup: How the FMU is driven and what is observed; its laws name the controls.
-        spectra: One for each value of the controls, two or more.
-        units: Units of the controls by name; those of the FMU's own variables may be left out.
-        scaled_by: "each": every spectrum has a scale of its own; "shared": one for all; "none": 1.
-        rectified: Whether amplitudes are magnitudes of two quadratures with the noise sigma each.
-        estimated: Whether noise that is not known is told by the scatter of each spectrum; else
-            the residuals of all tell it.
+        setup: How the FMU is driven and observed; its laws name the controls.
+        spectra: Two or more.
+        units: Units of the controls by name; not needed for variables of the FMU.
+        scaled_by: "each": a scale for every spectrum; "shared": one for all; "none": 1.
+        rectified: Whether amplitudes are magnitudes of two quadratures with noise sigma each.
+        estimated: Whether unknown noise is the scatter of each spectrum; else it is that of the
+            residuals of all.
         logarithmic: Whether the rows are differences of logarithms.
-        output: The FMU's output that is seen; empty: the setup's.
+        output: The observed output of the FMU; empty: the setup's.
         unit: Of the amplitudes.
         series: Measurements of one series share their setup.
 

@@ -95,10 +95,9 @@ class ControlTable(MeasurementTable):
     """What was changed from spectrum to spectrum, and what of each is fitted."""
 
     controls: Texts
-    """Columns of the control quantities, each with its unit: what laws name, or variables of the
-    FMU."""
+    """Columns with units of the control quantities: of laws, or variables of the FMU."""
     range: Annotated[Frequencies | None, Usually(None)] = None
-    """First and last frequency that is fitted."""
+    """First and last fitted frequency."""
     file: FileName
     """A table of all points, or of a spectrum's own file in each row."""
 
@@ -306,41 +305,39 @@ class ControlSweepTable(ControlTable):
     TABLE: ClassVar[str] = "control_sweep"
 
     file: FileName
-    """Either all points, a row each: the controls, frequency, amplitude, or other usual names of
-    these, as f and R; or a row for each spectrum: the controls, and in the column file the name of
-    the spectrum's own file; or a column of amplitudes for each value of one control, its head as
-    "V=1.2 V", or a row for each, with the frequencies in the head."""
+    """A row for each point: controls, frequency, amplitude (or usual names, as f and R); or for
+    each spectrum: controls, and the name of its file in the column file; or amplitudes of each
+    value of one control: a column headed as "V=1.2 V", or a row below a head of frequencies."""
     amplitude: Annotated[
         Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not state which they mean')
     ]
-    """What the amplitudes mean: "V peak", "V rms", "dBm", "dB" (to a reference that nobody knows),
-    or another detector unit likewise, as "m peak"."""
+    """Unit of the amplitudes: "V peak", "V rms", "dBm", "dB" (to an unknown reference), or another
+    as "m peak"."""
     impedance: Annotated[float | None, Quantity("ohm")] = None
-    """With dBm only, and required there."""
+    """Required with dBm, and only there."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
-    """How the instrument writes the spectra's own files; without it their content tells."""
+    """Format of the spectra's own files; without it recognised."""
     columns: WrittenSpectrumColumns = field(default_factory=WrittenSpectrumColumns)
-    """Names of columns, where they are not the usual ones; with the unit in brackets, as "X1 (mV)",
-    where the file tells none."""
+    """Columns of other than the usual names, with unit as "X1 (mV)" if the file states none."""
     sigma: Value | None = None
-    """Standard deviation of every amplitude, as "0.1 uV"; without it, and without relative, that of
-    every spectrum is estimated from how its points scatter about a smooth curve."""
+    """Standard deviation of every amplitude, as "0.1 uV"; without it and relative each spectrum's
+    scatter about a smooth curve."""
     relative: Share = 0.0
-    """Standard deviation of every amplitude as a share of it, beside sigma."""
+    """Standard deviation of every amplitude over it, next to sigma."""
     scale: Annotated[Text, OneOf(SCALES)] = "each"
-    """From simulated to measured amplitudes: "each": one for every spectrum, "shared": one for all;
-    "none": 1."""
+    """From simulated to measured amplitudes: one for "each" spectrum, one "shared" by all; "none":
+    1."""
     rectified: bool = True
-    """Whether amplitudes are magnitudes of two quadratures with the noise sigma each, as those of
-    lock-in and network analysers and of Fourier transforms are: noise then makes them larger."""
+    """Whether amplitudes are magnitudes of two quadratures with noise sigma each, as of lock-in
+    amplifiers, network analysers and Fourier transforms."""
     drive: Text | None = None
-    """Amplitude of the drive at each frequency, relative to the level: a column of the file, or a
-    formula of the frequency f and of constants, as "f0/f" for the harmonics of a square wave."""
+    """Amplitude of the drive over its level: a column, or a formula of the frequency f and
+    constants, as "f0/f" for harmonics of a square wave."""
     lines: Annotated[float | None, Quantity("Hz")] = None
-    """Fundamental of a periodic drive: of each spectrum the odd harmonics are picked, the highest
-    point within 0.8 of it, refined by a parabola through the logarithms beside it."""
+    """Fundamental of a periodic drive: of each spectrum the odd harmonics are used, the highest
+    point within 0.8 of it, refined by a parabola through logarithms."""
     output: Text | None = None
-    """The FMU output that is seen; without it that of [observe]."""
+    """The observed FMU output; without it that of [observe]."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):

@@ -399,24 +399,24 @@ class DemodulatedTrace(DemodulatedRecord, OfSetup):
 
     Args:
         time_s: Times of the samples, shape (n,), s, evenly spaced.
-        values: Phasors X + i Y, complex, phases as Re[values exp(2 pi i f t)], or amplitudes,
-            real, shape (n,), in ``unit``.
-        frequency_hz: f, the frequency that they were demodulated at, Hz.
-        input: The FMU's input by which a pulse sets it moving.
-        output: The FMU's output that is seen; empty: the setup's.
-        modes: How many lines are seen, those nearest to the frequency.
+        values: Phasors X + i Y, phases as Re[values exp(2 pi i f t)], or real amplitudes, shape
+            (n,), in ``unit``.
+        frequency_hz: f, of the demodulator, Hz.
+        input: The FMU's input by which a pulse starts the decay.
+        output: The observed output of the FMU; empty: the setup's.
+        modes: Number of lines, those nearest to the frequency.
         offset: (phasors) whether a constant phasor is solved for, as of a leaking reference.
-        floor: (amplitudes) whether they do not fall below their noise: ``sigma``, or what their
-            scatter tells, or where they drown in it what is solved for.
-        sigma: Standard deviation of each quadrature, in ``unit``; 0: the residuals tell it.
-        begin: "first": the decay begins with the first sample; "found": where it is found to.
+        floor: (amplitudes) whether they have a noise floor: ``sigma``, or from their scatter, or
+            solved for.
+        sigma: Standard deviation of each quadrature, in ``unit``; 0: from the residuals.
+        begin: "first": at the first sample; "found": where the decay is found to begin.
         settings: Start values of the FMU by variable, in the FMU's units.
         setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
-            fitted; what has none is exact.
-        label: Name of the trace, for values of its own; wanted where there are several.
+            fitted; others are exact.
+        label: Name of the trace; required with several.
         unit: Of the values.
-        source: What complaints name it by.
-        setup: What is observed, and the FMU's start values; tones of its drive are not used.
+        source: Its name in errors.
+        setup: The observed output and start values; its tones are not used.
         series: Measurements of one series share their setup.
 
     Raises:

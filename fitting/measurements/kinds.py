@@ -55,9 +55,9 @@ def read_campaign(path: str | Path, kinds: Sequence[type[MeasurementTable]] = ()
 
     Args:
         path: Of the file.
-        kinds: Of measurements that it may tell of, beside those of this program.
+        kinds: Further kinds of measurements.
 
     Raises:
-        BadInput: one line with file, row, column or key, what was found, what is wanted.
+        BadInput: one line with file, row, column or key, what was found, what is required.
     """
     return read_with(path, (*KINDS, *kinds))

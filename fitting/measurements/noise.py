@@ -476,27 +476,25 @@ class NoiseSpectrum(NoiseRecord, OfSetup):
     Args:
         frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
         density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
-        averages: Number of independent periodograms that were averaged, 1 or more; None: not
-            known, and the scatter of the points tells it and the errors.
-        force: "white": a force of constant density, whose level is solved for; "thermal": the one
-            that the damping asks for at a temperature; "coloured": one whose density is known but
-            for a factor, which is solved for.
-        force_density: (coloured) density of the force at the frequencies, shape (n,), in any unit,
-            above zero; it is taken as exact.
-        temperature_k: Of the resonator, K; 0: not known, and solved for.
-        mass_kg: Where the FMU's drive is an acceleration; 0: its drive is a force.
-        spring_constant: Instead of the mass, N/m; 0: not told.
-        drives_force: (thermal) Whether the drive is a force, or its mass is told: else no
-            temperature is told.
+        averages: Independent periodograms that were averaged, at least 1; None: estimated from the
+            scatter.
+        force: "white": constant density, level solved for; "thermal": as damping and temperature
+            require; "coloured": known density, factor solved for.
+        force_density: (coloured) density of the force, shape (n,), any unit, above zero, exact.
+        temperature_k: Of the resonator, K; 0: unknown, solved for.
+        mass_kg: Where the FMU's drive is an acceleration, kg; 0: its drive is a force.
+        spring_constant: Instead of the mass, N/m; 0: not used.
+        drives_force: (thermal) whether the drive is a force or its mass is given; else there is no
+            temperature.
         floor: Whether a white floor is solved for.
-        window: Of the periodograms, whose length is one over the spacing of the frequencies: it
-            widens the lines, and every second point is used, as neighbours are correlated by it.
+        window: Of the periodograms, each one over the spacing of the frequencies long: widens the
+            lines; every second point is used.
         settings: Start values of the FMU by variable, in the FMU's units.
-        label: Name of the spectrum, for values of its own; wanted where there are several.
-        output: The FMU's output that is seen; empty: the setup's.
+        label: Name of the spectrum; required with several.
+        output: The observed output of the FMU; empty: the setup's.
         unit: Whose square per Hz the density has.
-        source: What complaints name it by.
-        setup: How single tones drive the FMU, and what is observed.
+        source: Its name in errors.
+        setup: How tones drive the FMU, and the observed output.
         series: Measurements of one series share their setup.
 
     Raises:

@@ -68,26 +68,25 @@ class NoiseSpectrumTable(RecordTable):
     file: Annotated[FileName, Missing("wanted a table of frequencies and densities with units")]
     """Columns frequency and density, each with its unit, as "density (V2/Hz)"; one-sided."""
     averages: Positive | None = None
-    """Number of independent periodograms that were averaged; without it their scatter tells it."""
+    """Independent periodograms that were averaged; without it from the scatter."""
     columns: WrittenNoiseColumns = field(default_factory=WrittenNoiseColumns)
-    """Names of columns, where they are not the usual ones."""
+    """Columns of other than the usual names."""
     holds: Annotated[Text | None, OneOf(HOLDS)] = None
-    """"density" or "root", its root, of a column whose unit does not tell it: its numbers are then
-    relative ones. Levels in dB are powers either way."""
+    """"density" or its "root", of a column whose unit does not state it: then relative numbers.
+    Levels in dB are powers either way."""
     force: Annotated[Text, OneOf(FORCES)] = WHITE
-    """"white": a force of constant density; "thermal": the one that the damping asks for;
-    "coloured": one whose density stands in a column."""
+    """"white": of constant density; "thermal": as the damping requires; "coloured": with a density
+    in a column."""
     temperature: Value | None = None
-    """(thermal) of the resonator, as "300 K"; without it, it is solved for from a displacement."""
+    """(thermal) of the resonator, as "300 K"; without it solved for, of a displacement."""
     mass: Value | None = None
-    """(thermal) of the mode, where the FMU's drive is an acceleration; without it the drive is a
-    force."""
+    """(thermal) of the mode, if the FMU's drive is an acceleration; without it a force."""
     spring_constant: Value | None = None
     """(thermal) instead of the mass."""
     floor: Switch = True
     """Whether a white floor is solved for."""
     window: Annotated[Text, OneOf(WINDOWS)] = "none"
-    """Of the periodograms, whose length is one over the spacing of the frequencies."""
+    """Of the periodograms, each one over the spacing of the frequencies long."""
 
     def __post_init__(self) -> None:
         if self.holds is not None and self.holds not in HOLDS:

@@ -484,11 +484,11 @@ class RecordTable(MeasurementTable):
     file: FileName
     """Columns with their units."""
     output: Text | None = None
-    """The FMU output that is observed; without it that of [observe]."""
+    """The observed FMU output; without it that of [observe]."""
     label: Text = ""
-    """Name of this record, for values of its own; without it "1", "2" where there are several."""
+    """Its name; without it "1", "2" if there are several."""
     set: Mapping[str, Value] = field(default_factory=dict)
-    """Start values of the FMU during the record."""
+    """Start values of the FMU."""
 
     def record(self, label: str) -> Record:
         """What the file holds; what depends on the FMU follows in `bound`.

@@ -53,9 +53,9 @@ class WrittenTraceColumns(Keys):
     time: Text = ""
     """Column of times; without it "time"."""
     input: Text = ""
-    """Column of the input; without it the name of the input, where there is such a column."""
+    """Column of the input; without it the input's name."""
     output: Text = ""
-    """Column of the output; without it the name of the output."""
+    """Column of the output; without it the output's name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,14 +63,13 @@ class WrittenSignal(Keys):
     """An input that is declared instead of recorded."""
 
     kind: Annotated[Text, OneOf(SIGNALS)]
-    """As "step": a level from a time on; "pulse": for a while; "chirp": a sine through
-    frequencies."""
+    """"step": a level from a time on; "pulse": for a while; "chirp": a sine through frequencies."""
     level: Value
     """Height of the step or pulse, amplitude of the chirp."""
     at: Value | None = None
-    """When it begins, on the clock of the trace; without it 0 s."""
+    """Begin, on the clock of the trace; without it 0 s."""
     length: Value | None = None
-    """(pulse, chirp) how long it lasts."""
+    """(pulse, chirp) duration."""
     start: Value | None = None
     """(chirp) first frequency."""
     stop: Value | None = None
@@ -115,15 +114,14 @@ class TimeTable(StatedTable):
     TRANSIENT: ClassVar[bool] = True
 
     input: Text | None = None
-    """The FMU input that is driven; without it none is."""
+    """The driven FMU input; without it none."""
     offset: Switch = False
-    """Whether an offset of the read-out is solved for, of X and Y as of a reference that leaks."""
+    """Whether an offset of the read-out is solved for, of X and Y as of a leaking reference."""
     sigma: Value | None = None
-    """Standard deviation of the samples, of X and of Y each, as "1 mV"; without it, it follows from
-    the residuals."""
+    """Standard deviation of the samples, of X and Y each, as "1 mV"; without it from the
+    residuals."""
     begin: Annotated[Text, OneOf(BEGINS)] = FIRST
-    """(free decay) "first": the record begins with its first sample; "found": where the free decay
-    begins, after the drive was switched off or a blow; samples before are not used."""
+    """(free decay) begin at the "first" sample, or where it is "found", without earlier samples."""
 
     def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
         """What examines each name and value by itself, the input as well."""
@@ -144,24 +142,23 @@ class TraceTable(TimeTable):
     TOGETHER = Traces
 
     file: Annotated[FileName, Missing("wanted a table of times and values, each with its unit")]
-    """Columns time, output and, where it was recorded, input, each with its unit."""
+    """Columns time, output and a recorded input, each with its unit."""
     columns: WrittenTraceColumns = field(default_factory=WrittenTraceColumns)
-    """Names of columns, where they are not the usual ones."""
+    """Columns of other than the usual names."""
     further_inputs: Texts = ()
-    """Further FMU inputs that are driven, each by the column of its name, as ["Ti2"]."""
+    """Further driven FMU inputs, by columns of their names, as ["Ti2"]."""
     signal: WrittenSignal | None = None
     """A declared input, instead of a column of the file."""
     interpolation: Annotated[Text | None, OneOf(INTERPOLATIONS), Usually(LINEAR)] = None
-    """Of a recorded input: "linear" between the samples, or "held" from each to the next."""
+    """Of a recorded input between samples: "linear", or "held"."""
     gain: Annotated[Text, OneOf(GAINS)] = ONE
-    """Of the read-out: "one", the output is recorded as it is; "fit": it is solved for."""
+    """Of the read-out: "one", or "fit": solved for."""
     lead: Value | None = None
-    """Time before the first sample at which the FMU starts, under the first value of the input."""
+    """Time from the FMU's start to the first sample, under the input's first value."""
     start: Annotated[Text, OneOf(STARTS)] = REST
-    """State at the start: "rest", the FMU's start values; "unknown": solved for, with a linear
-    FMU."""
+    """State at the start: "rest": the FMU's; "unknown": solved for, of a linear FMU."""
     states: Annotated[Count | None, Usually(ONE_MODE)] = None
-    """(unknown start) how many states decay, two for each mode."""
+    """(unknown start) states that decay, two for each mode."""
 
     def __post_init__(self) -> None:
         if self.signal is not None and self.input is None:
@@ -305,13 +302,13 @@ class WrittenDemodulatedColumns(Keys):
     time: Text = ""
     """Column of times; without it "time"."""
     X: Text = ""
-    """Column of the in-phase part; without it "X", where there is such a column."""
+    """Column of the in-phase part; without it "X"."""
     Y: Text = ""
     """Column of the quadrature; without it "Y"."""
     amplitude: Text = ""
-    """Column of amplitudes, instead of X and Y, as "R (mV)" or in dB; without it "amplitude"."""
+    """Column of amplitudes instead of X and Y, as "R (mV)" or in dB; without it "amplitude"."""
     phase: Text = ""
-    """Column of phases beside amplitudes, as "theta (deg)"; without it there are none."""
+    """Column of phases next to amplitudes, as "theta (deg)"; without it none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,14 +327,13 @@ class DemodulatedTable(TimeTable):
     frequency: Annotated[Value, Missing('wanted what was demodulated at, as "1.2 MHz"')]
     """Frequency of the demodulator, as "1.2 MHz"."""
     input: Annotated[Text, Missing("wanted the FMU input by which a pulse sets it moving")]
-    """The FMU input by which a pulse sets it moving."""
+    """The FMU input by which a pulse starts the decay."""
     columns: WrittenDemodulatedColumns = field(default_factory=WrittenDemodulatedColumns)
-    """Names of columns, where they are not the usual ones."""
+    """Columns of other than the usual names."""
     modes: Count = 1
-    """How many modes are seen: those nearest to the frequency."""
+    """Number of modes, those nearest to the frequency."""
     floor: Switch = True
-    """(amplitudes) whether they do not fall below their noise: sigma, or what their scatter tells,
-    or where they drown in it what is solved for."""
+    """(amplitudes) whether they have a noise floor: sigma, or from their scatter, or solved for."""
 
     def __post_init__(self) -> None:
         named = self.columns

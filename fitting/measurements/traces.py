@@ -373,28 +373,28 @@ class Trace(TraceRecord, OfSetup):
     Args:
         time_s: Times of the samples, shape (n,), s, evenly spaced.
         values: Of the output, shape (n,), in ``unit``.
-        input: The FMU's input that is driven; empty: none is.
-        driven: What drives it: times (m,), s, and values (m,) that were recorded, on the clock of
-            ``time_s``, or a declared `Pulse` or `Chirp`; None: nothing does.
-        further: What drives further inputs, by their names, likewise.
+        input: The driven input of the FMU; empty: none.
+        driven: Its recorded times (m,), s, on the clock of ``time_s``, and values (m,); or a
+            `Pulse` or `Chirp`; None: no drive.
+        further: What drives further inputs, by name, likewise.
         interpolation: Recorded inputs are "held" until the next value or joined ("linear").
-        output: The FMU's output that is seen; empty: the setup's.
-        gain: "one": the output as it is; "fit": times a gain that is solved for.
+        output: The observed output of the FMU; empty: the setup's.
+        gain: "one", or "fit": solved for.
         offset: Whether an offset is solved for.
-        sigma: Standard deviation of the values, in ``unit``; 0: the residuals tell it.
-        lead_s: Time before the first sample at which the FMU starts, s.
-        start: "rest": the FMU begins with its start values; "unknown": with a state that is solved
-            for, by the free responses of a linear FMU.
-        states: Number of states that decay, two for each mode.
-        begin: "first": the trace begins with its first sample; "found": where the free decay
-            begins, after a drive was switched off or a blow, and earlier samples are not used.
-        settings: Start values of the FMU during the trace by variable, in the FMU's units.
+        sigma: Standard deviation of the values, in ``unit``; 0: from the residuals.
+        lead_s: Time from the FMU's start to the first sample, s.
+        start: "rest": the FMU's start values; "unknown": a state that is solved for, by free
+            responses of a linear FMU.
+        states: States that decay, two for each mode.
+        begin: "first": at the first sample; "found": where the free decay is found to begin,
+            without earlier samples.
+        settings: Start values of the FMU by variable, in the FMU's units.
         setting_sigma: Standard deviations of settings, in the FMU's units: an offset of each is
-            fitted; what has none is exact.
-        label: Name of the trace, for values of its own; wanted where there are several.
+            fitted; others are exact.
+        label: Name of the trace; required with several.
         unit: Of the values.
-        source: What complaints name it by.
-        setup: What is observed, and the FMU's start values; tones of its drive are not used.
+        source: Its name in errors.
+        setup: The observed output and start values; its tones are not used.
         series: Measurements of one series share their setup.
 
     Raises:

@@ -142,8 +142,8 @@ class Pulse:
 
     Args:
         level: In the FMU's unit.
-        at_s: Where it begins, s.
-        length_s: How long it lasts, s; infinite for a step.
+        at_s: Begin, s.
+        length_s: Duration, s; infinite: a step.
 
     Raises:
         BadInput: a length that is not positive.
@@ -189,11 +189,11 @@ class Chirp:
         u = level sin(2 pi (f0 s + (f1 - f0) s^2/(2 length))),   s = t - at
 
     Args:
-        start_hz: f0, the frequency it begins with, Hz.
-        stop_hz: f1, the one it ends with, Hz.
-        length_s: How long it lasts, s.
-        level: In the FMU's unit.
-        at_s: Where it begins, s.
+        start_hz: f0, the first frequency, Hz.
+        stop_hz: f1, the last one, Hz.
+        length_s: Duration, s.
+        level: Amplitude, in the FMU's unit.
+        at_s: Begin, s.
 
     Raises:
         BadInput: a length that is not positive, negative frequencies.

@@ -38,15 +38,13 @@ __all__ = [
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Sampling:
-    """How draws from a posterior are made: how many, from which seed.
+    """Draws from a posterior: how many, from which seed.
 
     Args:
-        walkers: How many, an even number of at least 4 and twice the parameters; None: 24, or
-            2 n + 2 where these are more.
-        steps: Steps of every walker, at most, 200 or more; the chain ends before where there are
-            enough draws.
+        walkers: Even, at least 4 and twice the parameters; None: 24, or 2 n + 2 if that is more.
+        steps: Most steps of every walker, at least 200; fewer where these are enough.
         seed: Of the draws, at least 0.
-        resume: Whether a chain that is kept in the folder is continued.
+        resume: Whether a chain in the folder is continued.
 
     Raises:
         BadInput: a number out of its range.
@@ -73,12 +71,10 @@ class Sampling:
 class Posterior:
     """Draws from a posterior: their ``summary``, and all of them.
 
-    ``draws`` has the shape (steps, walkers, n), in the parameters' units and in the order of
-    ``names``, without the beginning of the chain; a value with a period is given in the one in
-    which the fit reports it. ``log`` (steps, walkers) is ln of the posterior but for a constant.
-    ``outputs`` are derived outputs of the model by name, (k,), at the draws of ``thinned``, and NaN
-    where it has no value. Values are reported where ``status`` is "converged"; the draws are there
-    always.
+    ``draws`` (steps, walkers, n) in the parameters' units, order ``names``, without the beginning;
+    values with a period in that of the fit. ``log`` (steps, walkers): ln of the posterior but for a
+    constant. ``outputs``: derived outputs by name, (k,), at ``thinned`` draws, NaN without a value.
+    Values are reported where ``status`` is "converged".
     """
 
     summary: PosteriorSummary
@@ -124,10 +120,9 @@ class Posterior:
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorCost:
-    """What draws will cost: ``evaluations`` of the model, least and most, and seconds of each.
+    """Expected cost of draws: ``evaluations`` of the model, least and most, ``seconds_each``.
 
-    Of ``walkers``, from ``minima``; ``seconds_each`` was measured where the walkers begin, which is
-    a batch of as many evaluations.
+    With ``walkers`` from ``minima``, as measured over a batch at their start.
     """
 
     walkers: int
@@ -153,27 +148,24 @@ def posterior(
     out: str | Path | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Posterior:
-    """Draw from the posterior of a problem, from every minimum that a fit of it knows.
+    """Draw from the posterior of a problem, from every minimum of a fit of it.
 
         p(theta | data) ~ L(theta) prior(theta)          `Problem.logp`
 
-    The prior is uniform in the box of the parameters, with a Gaussian where one has its own. The
-    chain is long enough at 50 of its correlation times, if its walkers agree (split R at most
-    1.01), and draws come near every value that the fit's own profiles accept; else it is called not
-    converged, and no interval is reported. A bent posterior takes a fit that has profiles.
+    The chain has converged at 50 correlation times, if its walkers agree (split R at most 1.01) and
+    draws are near every value that the fit's profiles accept; else no interval is reported. A bent
+    posterior needs a fit with profiles.
 
     Args:
-        problem: What is looked for, and from what; noise of rows that is not known is integrated
-            out.
-        at: A fit of it, or what was inferred of one: walkers begin at its minima.
-        options: How many walkers and steps; None: `Sampling()`.
-        truth: What is true, by name, in the parameters' units: for tables and figures alone.
-        out: Folder in which the chain is kept while it grows; None: nothing is written.
-        progress: Is called with a line of what is under way.
+        problem: The problem; unknown noise is integrated out.
+        at: A fit or inference of it: walkers start at its minima.
+        options: Walkers and steps; None: `Sampling()`.
+        truth: True values by name, in the parameters' units, for tables and figures.
+        out: Folder for the growing chain; None: nothing is written.
+        progress: Called with a line at every step.
 
     Returns:
-        The draws, and medians with central intervals as ``posterior["name"]``, of derived outputs
-        too.
+        The draws; ``posterior["name"]`` has median and central intervals, of derived outputs too.
 
     Raises:
         BadInput: no such fit, noise that too few rows determine, too few walkers, or ``emcee`` is
@@ -201,12 +193,12 @@ def posterior(
 def posterior_cost(
     problem: Problem, at: Valued | Result, options: Sampling | None = None
 ) -> PosteriorCost:
-    """What `posterior` will cost, from one evaluation of every walker.
+    """Expected cost of `posterior`, from one evaluation of every walker.
 
     Args:
-        problem: As `posterior` takes it.
-        at: Likewise.
-        options: Likewise.
+        problem: The problem; unknown noise is integrated out.
+        at: A fit or inference of it: walkers start at its minima.
+        options: Walkers and steps; None: `Sampling()`.
 
     Raises:
         BadInput: as `posterior`.
@@ -230,18 +222,18 @@ def posterior_cost(
 
 @renamed
 def write_posterior(result: Posterior, out: str | Path, *, drawn: bool = True) -> list[Path]:
-    """Write what the command line writes: posterior.json, draws.csv, a corner figure, report.html.
+    """Write posterior.json, draws.csv, a corner figure and report.html, as the command does.
 
     Args:
-        result: Draws.
+        result: Of `posterior`.
         out: Folder, made where there is none.
-        drawn: Whether figure and report are wanted.
+        drawn: Whether figure and report are written.
 
     Returns:
-        The paths of all files.
+        The files.
 
     Raises:
-        BadInput: the folder cannot be written, or holds files of these names of others.
+        BadInput: the folder cannot be written, or holds other files of these names.
     """
     folder = Path(out)
     with results_folder(folder, "posterior", FILES):

@@ -49,16 +49,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--walkers",
         type=even_number(LEAST_WALKERS),
         metavar="N",
-        help="walkers, an even number, at least twice the parameters (24, or 2 n + 2 for n "
-        "parameters where these are more)",
+        help="walkers, even, at least twice the n parameters (24, or 2 n + 2 if that is more)",
     )
     parser.add_argument(
         "--steps",
         type=whole_number(LEAST_STEPS),
         default=USUAL,
         metavar="N",
-        help=f"most steps of every walker, {LEAST_STEPS} at least; it ends before where draws are "
-        f"enough ({USUAL})",
+        help=f"most steps of a walker, at least {LEAST_STEPS}; fewer if draws are enough ({USUAL})",
     )
     options = {
         "--seed": {"default": 1, "help": "seed of the draws (1)"},

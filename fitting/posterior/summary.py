@@ -49,10 +49,8 @@ BATCH = 500
 class Drawn(Estimate):
     """One number by its draws, next to what the fit reports.
 
-    `value` is the median; it, `mean`, `std` and the central intervals are those of the draws, NaN
-    where these have not converged; `ci95` leaves 2.5 % of them on either side. `status` is that of
-    the fit, `profile95` its interval, `most_likely` its value, `truth` what is true, NaN where that
-    is not known.
+    `value`: median; it, `mean`, `std` and central intervals are NaN if the draws have not
+    converged. `status`, `profile95` and `most_likely` are the fit's; `truth` NaN: unknown.
     """
 
     method: Method = "posterior"
@@ -64,13 +62,11 @@ class Drawn(Estimate):
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorValue(Drawn):
-    """One parameter: `Drawn`, and how it was drawn.
+    """One parameter, and how it was drawn.
 
-    `tau` is the integrated autocorrelation time in steps, `rhat` the rank-normalised split R,
-    `effective` so many independent draws are worth as much as these. `lower` and `upper` are the
-    box, `prior` and `prior_sigma` the Gaussian prior (NaN: uniform in the box). A value with a
-    period may be given outside of its box: draws, minima, truth and what the fit reports in the
-    same period, which holds the value that the fit reports.
+    `tau`: integrated autocorrelation time in steps; `rhat`: rank-normalised split R; `effective`
+    number of independent draws; `lower` and `upper` bounds, `prior` and `prior_sigma` of a Gaussian
+    (NaN: uniform). Values with a period are in the period of the fit's value.
     """
 
     tau: float
@@ -85,10 +81,9 @@ class PosteriorValue(Drawn):
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorOutput(Drawn):
-    """One derived output: `Drawn`, read from the model at `draws` nearly independent draws.
+    """One derived output at `draws` nearly independent draws.
 
-    `missing` is the share of these draws at which the model has no value of it (a lambda that is
-    not real); the numbers are of the others.
+    `missing`: share of these without a value of it (a lambda that is not real), which are left out.
     """
 
     draws: int
@@ -97,12 +92,10 @@ class PosteriorOutput(Drawn):
 
 @dataclass(frozen=True, kw_only=True)
 class PosteriorMode:
-    """One minimum: where it is, its origin, the share of draws nearest to it, the error of that.
+    """One minimum: its place and origin, the `share` of nearest draws with its error.
 
-    `below` is by how much ln of the posterior is less there than at the most likely minimum: 0 of
-    that one. A broad minimum may have more draws than one that is more likely but narrow. The share
-    is NaN where the draws have not converged. Draws are nearest to a minimum by the linearised
-    errors there.
+    `below`: ln of the posterior at the most likely minimum less that here. A draw is nearest to a
+    minimum by the linearised errors there; NaN: the draws have not converged.
     """
 
     parameters: Mapping[str, float]
@@ -116,12 +109,10 @@ class PosteriorMode:
 class PosteriorSummary(EndedRecord):
     """What `posterior.json` holds.
 
-    `status` is "converged", "not converged" or "interrupted", `message` states why. `steps` of
-    `walkers` were taken, `discarded` of them at the beginning are left out. `evaluations` of the
-    model were asked for, `failed` of them had no value, which counts as impossible; `accepted` is
-    the share of proposals that were taken. `alternative` are the discrete settings. `derived` are
-    outputs of the model, none where the draws have not converged; reading them is not counted.
-    `findings` are what keeps draws that are enough by themselves from having converged.
+    `status`: "converged", "not converged" or "interrupted", with `message`. `steps` of `walkers`,
+    of which the first `discarded` are left out; `evaluations` of the model, `failed` ones count as
+    impossible; `accepted` share of proposals; `alternative`: discrete settings; `derived` outputs
+    only of converged draws; `findings`: why enough draws have not converged.
     """
 
     values: Mapping[str, PosteriorValue]

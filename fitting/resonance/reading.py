@@ -37,24 +37,24 @@ ROOT_MW = "(mW)^0.5"
 @checked
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """Where a file has what, as far as the file does not state it: empty means recognised.
+    """Columns and units of a file, as far as it does not state them; empty: recognised.
 
-    Attributes:
-        frequency: name of the column of frequencies.
-        amplitude: of amplitudes, or of complex values; a phase is then taken if it is named.
-        phase: of phases.
-        real: of real parts, X.
-        imaginary: of imaginary parts, Y.
-        time: of times, of a recording over time.
-        unit_frequency: unit of the frequencies, where the file states none or a wrong one.
-        unit_amplitude: unit of amplitudes, or of real and imaginary parts.
-        unit_phase: unit of phases.
-        unit_time: unit of times.
-        trace: which of the file's traces, from 1.
-        chunk: which of the file's sweeps, as LabOne counts them.
-        header_row: row of the names of columns, from 1, where it is not the one that is found.
-        drop_missing: whether rows of a sweep without a number in one of its columns are left out.
-        average: whether readings of a sweep at the same frequency are averaged.
+    Args:
+        frequency: Column of frequencies.
+        amplitude: Column of amplitudes or complex values; a phase is then used if it is named.
+        phase: Column of phases.
+        real: Column of real parts, X.
+        imaginary: Column of imaginary parts, Y.
+        time: Column of times.
+        unit_frequency: Unit of frequencies, as "MHz".
+        unit_amplitude: Unit of amplitudes or parts, as "mV".
+        unit_phase: "deg" or "rad".
+        unit_time: Unit of times, as "ms".
+        trace: Which of the file's traces, from 1.
+        chunk: Which of the file's sweeps, as LabOne numbers them.
+        header_row: Row of the columns' names, from 1; None: the last above the numbers.
+        drop_missing: Whether rows of a sweep that lack a number are left out.
+        average: Whether readings at one frequency are averaged.
     """
 
     frequency: str = ""

@@ -56,7 +56,7 @@ class Deviations:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepCurves:
-    """The sweep as measured and as simulated (scaled) before and after, V peak, (n,) each."""
+    """The sweep as measured and as simulated (scaled), V peak, (n,) each."""
 
     frequency_hz: Floats
     measured_v: Floats
@@ -66,9 +66,9 @@ class SweepCurves:
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """chi before and after, its grid bias, and what noise did to the laboratory's maximum.
+    """Scale before and after, its grid bias, and the bias of the measured maximum.
 
-    `maximum_bias` is the largest measured point over the fitted top of the sweep, minus one.
+    `maximum_bias`: the largest measured point over the fitted top of the sweep, minus one.
     """
 
     kind: str
@@ -91,11 +91,11 @@ class Cost:
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """Where the result comes from; `plan` and `notes` in sentences.
+    """Origin of the result.
 
-    `notes` are about the run, not about the result. `files`: path as seen from the campaign's
-    folder -> sha256. `start_values` are those of the FMU that were set next to the fitted ones,
-    `fmu_tool` is what made its binary.
+    `plan` and `notes` on the run, in sentences; `files`: sha256 by path from the campaign's folder;
+    `start_values` of the FMU that are not fitted; `fmu_tool`: what
+    made its binary.
     """
 
     fmu_name: str

@@ -44,13 +44,11 @@ NOTABLE = 1.05
 
 @dataclass(frozen=True, kw_only=True)
 class Structure:
-    """What the residuals show of the noise.
+    """Tests of the residuals for noise.
 
-    `p_value` of the test against white noise, `sizes_p` of that against one size; `order` of the
-    autoregressive model (0 where it is white); `points` independent points they are worth, (0, m];
-    `widening` >= 1, the factor on standard errors that took all points for independent and equal,
-    `together` >= 1, what it would be for points that are equal and only are correlated; `excess`
-    >= 1, the part of both by which correlated residuals exceed the noise that is stated.
+    `p_value` of white noise, `sizes_p` of noise of one size; `order` of the autoregressive model
+    (0: white); `points`: effective sample size, (0, m]; factors >= 1: `widening` on standard
+    errors, `together` for correlation alone, `excess`: the part of both beyond stated noise.
     """
 
     p_value: float

@@ -82,10 +82,9 @@ SHARES: Mapping[Kind, float] = {
 class Decision:
     """One choice of a plan, the relative error of an amplitude that it may cost, and the reason.
 
-    `subject` names the reduction or the parameter where there are several of a kind; `settings`
-    are the start values that it sets, `numbers` what its sentence tells. `forced`: the user asked
-    for it, or (`taken` False) forbade it. A decision that was not `taken` costs nothing; its
-    `bound` says what it would have cost (NaN: not known).
+    `subject`: the reduction or parameter; `settings`: start values that it sets; `numbers` of its
+    sentence; `bound` of the error if it is `taken` (NaN: unknown); `forced`: requested, or (not
+    `taken`) forbidden.
 
     Raises:
         ValueError: a bound below zero, or one that is taken and not known.
@@ -197,7 +196,7 @@ class Budget:
 
 @dataclass(frozen=True, kw_only=True)
 class PlanRecord:
-    """A plan as a result holds it; `settings` are the start values that it chose for the FMU."""
+    """A plan with the start values `settings` that it sets in the FMU."""
 
     wanted: float
     promised: float

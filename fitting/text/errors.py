@@ -15,9 +15,9 @@ Arguments = ParamSpec("Arguments")
 
 
 class BadInput(ValueError):
-    """One line that names the file, row, column or key, what was found and what is wanted.
+    """One line that names the file, row, column or key, what was found and what is required.
 
-    Where several things are wrong at once, ``args`` are that many lines.
+    Several errors at once: ``args`` are that many lines.
     """
 
     def __str__(self) -> str:
@@ -150,9 +150,8 @@ class OutOfBudget(BadInput):
 class FmuFailure(Exception):
     """An FMU failed; in the FMU's own words.
 
-    ``message`` what happened, with the sentences that the FMU logged; ``parameters`` the start
-    values of the run that did it; ``fmu`` the file. Of a batch of runs ``at`` is the number of that
-    run, None where it is not known, and ``answers`` are the results of others, by their numbers.
+    ``message`` with the FMU's log, ``parameters`` the start values of the run, ``fmu`` the file. Of
+    a batch ``at`` is the run's number or None, ``answers`` the results of other runs by number.
     """
 
     def __init__(self, message: str, parameters: Mapping[str, Scalar], fmu: Path) -> None:

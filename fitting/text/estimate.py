@@ -186,14 +186,13 @@ class Estimate(OldNames):
     Args:
         name: of the value.
         value: the best one.
-        std: standard deviation; of a profile half of the 68 % interval. NaN where ``status`` leaves
-            no value.
-        ci68, ci95: intervals; those of a profile also where ``status`` leaves no value. NaN: none.
+        std: standard deviation; of a profile half of the 68 % interval. NaN: no value by
+            ``status``.
+        ci68, ci95: intervals; NaN: none.
         status: how far the data determine it.
         method: of errors and intervals.
         closed_by: what closes each side of ``ci95``; empty without a profile.
-        active_bounds: parameters whose bounds ``status`` rests on: beyond them the data may allow
-            other values.
+        active_bounds: parameters on whose bounds ``status`` depends.
     """
 
     name: str
@@ -224,20 +223,19 @@ class Estimate(OldNames):
 
 @dataclass(frozen=True, kw_only=True)
 class FittedEstimate(Estimate):
-    """A value of a fit: which estimator's it is, and what it could be without any data.
+    """A value of a fit.
 
     Args:
         role: "parameter" of the campaign, "derived" output, "offset" of single experiments.
-        value: the most likely one, or the end of Algorithm 2 where the campaign asks for that;
-            canonical: periodic ones lie in [0, period).
+        value: the most likely one, or the requested end of Algorithm 2; periodic ones in [0,
+            period).
         reason: of the status.
-        most_likely, algorithm2: by the likelihood, and by Algorithm 2; errors belong to the former.
+        most_likely, algorithm2: by either estimator; errors belong to the former.
         shrinkage: share of the variance that comes from the data.
-        simulation: how far what the plan of the simulation cannot exclude moves the value, at most;
-            ``std`` and the intervals include it.
+        simulation: largest shift by errors of the simulation, included in ``std`` and intervals.
         reference: of a parameter; of an output its mean there.
-        lower, upper: bounds of a parameter; range of an output over them.
-        period: by which values may differ and be the same; None: it has none.
+        lower, upper: bounds of a parameter, range of an output within them.
+        period: by which equal values differ; None: none.
     """
 
     role: Role
@@ -358,8 +356,8 @@ class ParameterEstimate(FittedEstimate):
     """A parameter that was fitted.
 
     Args:
-        start: where the search began.
-        asked: whether the campaign names it; else the measurement brings it, as a cable's delay.
+        start: of the search.
+        asked: whether the campaign names it; else the measurement adds it, as a cable's delay.
     """
 
     role: Role = "parameter"
@@ -372,9 +370,9 @@ class OutputEstimate(FittedEstimate):
     """A derived output: its ``value`` is the mean over the experiments.
 
     Args:
-        values: per experiment, with their standard deviation ``spread``.
-        places: labels of ``values``, with linearised ``stds`` and halves of 95 % intervals
-            ``halves95``; all empty where there is one, NaN where the data leave a value open.
+        values: per experiment, with standard deviation ``spread``.
+        places: labels of ``values`` with linearised ``stds`` and half 95 % intervals ``halves95``;
+            empty for a single one, NaN: undetermined.
     """
 
     role: Role = "derived"
@@ -399,9 +397,9 @@ class OffsetEstimate(FittedEstimate):
     """A value of single experiments: all steps of a random walk together.
 
     Args:
-        prior: standard deviation of its prior; NaN: none.
-        fitted: the value of its own parameter, which is the last step of a walk.
-        experiments, variables: that it belongs to, and that it is added to.
+        prior: its standard deviation; NaN: none.
+        fitted: value of its own parameter, the last step of a walk.
+        experiments, variables: to which it applies.
     """
 
     role: Role = "offset"

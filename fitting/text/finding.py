@@ -125,14 +125,13 @@ class Finding:
     """One finding.
 
     Args:
-        kind: what was found.
-        severity: "error" where values cannot be given, "warning" where the reader must act.
-        subject: the measurement, parameter or file that it is about.
-        numbers: what a sentence about it needs, by name, in SI units, or in the unit that ``names``
-            give under "unit". Of an assumption ``shift_NAME``, by which the value NAME would shift,
-            and ``chi_square``, its rise; of a combination the ``correlation``, ``std_NAME`` and
-            ``std_alone_NAME``, with the other parameter known.
-        names: names that a sentence needs, of parameters, units, labels or files, by their part.
+        kind: of finding.
+        severity: "error": there are no values; "warning": the reader must act.
+        subject: a measurement, parameter or file.
+        numbers: of its sentence by name, in SI units, or in ``names`` "unit". Of an assumption
+            ``shift_NAME`` of values and ``chi_square``, its rise; of a combination ``correlation``,
+            ``std_NAME`` and ``std_alone_NAME``, with the other parameter known.
+        names: of its sentence: parameters, units, labels or files.
     """
 
     kind: Kind

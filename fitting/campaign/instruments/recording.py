@@ -382,8 +382,7 @@ class ComplexColumns(Columns):
     amplitude: Text = ""
     """Column of amplitudes, of dB, or of complex values, as S21."""
     drive: Text = ""
-    """Column of the drive's amplitude, which values are divided by; without it the drive is
-    constant."""
+    """Column of the drive's amplitude, by which values are divided; without it constant."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -244,13 +244,13 @@ SHARED: Options = {
     "--workers": value("worker processes (one per processor, up to 8)", read=worker_count),
     "--no-profiles": "1σ from the covariance; no profiles",
     "--no-report": "neither figures nor report.html",
-    "--changed-data": "take a fit whose data files have changed since, or are others",
-    "--isolate": "run the FMU with limits of memory, time, files, and without network",
+    "--changed-data": "use a fit of other or changed data files",
+    "--isolate": "run the FMU with limits of memory, time and files, without network",
     "--isolate=strict": {
         "action": "store_const",
         "const": "strict",
         "dest": "isolate",
-        "help": "the same, refused where this system cannot hold all of it",
+        "help": "the same, an error if this system cannot enforce all",
     },
     "--native": "compile a model of this project from C: the same numbers, faster (without a "
     "compiler Python's runs)",
@@ -302,10 +302,10 @@ COLUMNS: Mapping[str, str] = {
 PARTS: Options = {
     "--trace": value("which of the file's traces, from 1 (the first)", read=whole_number(1)),
     "--chunk": value("which of the file's sweeps, as LabOne numbers them", read=whole_number(0)),
-    "--drop-missing": "leave rows of a sweep out that lack a number",
+    "--drop-missing": "leave out rows of a sweep that lack a number",
     "--average": "average readings of a sweep at the same frequency",
     "--header-row": value(
-        "row of a text file that holds the names of its columns (the last one above them)",
+        "row of the columns' names in a text file (the last above the numbers)",
         "N",
         whole_number(1),
     ),

@@ -181,15 +181,15 @@ def add_options(parser: argparse.ArgumentParser, command: ModuleType) -> None:
     command.add_arguments(parser)
     output = parser.add_argument_group("output")
     options: Options = {
-        "--quiet": "neither progress nor summary, errors alone",
-        "--verbose": "print details, and a line on stderr for every step of the work",
+        "--quiet": "only errors, neither progress nor summary",
+        "--verbose": "print details, and every step on stderr",
     }
     declare(output.add_mutually_exclusive_group(), options)
-    log = value("file to which these lines are added, with their times", "FILE")
+    log = value("file to which every step is added with its time", "FILE")
     declare(output, {"--log": log})
     document = getattr(command, "DOCUMENT", None)
     if document is not None:
-        declare(output, {"--json": f"{document} as JSON on stdout, and nothing else there"})
+        declare(output, {"--json": f"{document} as JSON, alone on stdout"})
 
 
 def _refuse_unknown(given: Sequence[str], named: str) -> None:

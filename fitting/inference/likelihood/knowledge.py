@@ -43,11 +43,10 @@ STOPPED = {"failed": "search", "budget": "budget"}
 class Rival:
     """Lines of another form that describe a measurement far better than the model.
 
-    `shape` is one line, two, three, or a sum of decays; of a line and of complex values
-    `background` is what is beside it, as in `fitting.signal.peaks`; `label` is the sweep's,
-    `frequencies_hz` are those of the decays. `remedy` is what would describe the data so: the
-    `key` of the campaign, an output that shows all lines, a coupling between the lines, or more
-    states; empty where it is not known.
+    `shape`: one line, two, three, or a sum of decays with `frequencies_hz`; `background` next to a
+    line and complex values, as in `fitting.signal.peaks`; `label` of the sweep. `remedy`: what
+    would describe the data, the `key` of the campaign, an output that shows all lines, a coupling,
+    or more states; empty: unknown.
     """
 
     shape: Literal["line", "pair", "three_lines", "decays"]
@@ -60,22 +59,17 @@ class Rival:
 
 @dataclass(frozen=True, kw_only=True)
 class Adequacy:
-    """Whether the model describes the data, by the rule of `fitting.signal.misfit`.
+    """Whether the model describes the data (`fitting.signal.misfit`).
 
-    `chi_square` of the rows of known noise at the most likely point, against its degrees of
-    `freedom`; `p_value` the probability that noise alone gives as much (NaN where there is nothing
-    to judge by). `correlated_p` is the probability that white noise is as correlated as the
-    residuals of the curve where it is least, named `curve`, and `share` their structured part over
-    its largest amplitude (NaN: no curve). `describes` is False where the rule gives up the model;
-    `noise_factor` is by how much uncorrelated residuals exceed the stated noise, 1 where they do
-    not, and `is_uneven` where only a part of them does, which is no noise; `outliers` are the
-    numbers of single rows far beyond the rest, without which the noise explains it.
-    `converged` is False where the fit has not converged: then there are no values, either.
-    `rival` are lines of another form by which the noise was estimated and the model refused
-    (`fitting.inference.adequacy`); None where there are none.
-    `scale_off` is the factor by which the scale that peaks take from a sweep may be off, where its
-    top is so wrong that no value is trusted (`fitting.inference.sweeps`); else NaN. `no_line`:
-    nothing exceeds the noise of the curves of some `series` (`fitting.inference.adequacy`).
+    `chi_square` of rows of known noise at the most likely point, its degrees of `freedom` and
+    `p_value` (NaN: not tested). `correlated_p`: of white noise as correlated as the residuals of
+    the worst `curve`, `share`: their structured part over its largest amplitude (NaN: no curve).
+    `describes`: False: the model is rejected; `converged`: False: no values either. `noise_factor`
+    >= 1: uncorrelated residuals over the stated noise; `is_uneven`: only of a part of them;
+    `outliers`: row numbers without which the noise explains all. `rival`: lines of another form,
+    for which the model is rejected. `scale_off`: factor by which the scale from a sweep may be
+    wrong, if no value is trusted; else NaN. `no_line`: no line above the noise in curves of some
+    `series`.
     """
 
     chi_square: float
@@ -114,12 +108,11 @@ class Adequacy:
 
 @dataclass(frozen=True, kw_only=True)
 class Scan(OldNames):
-    """Points of a profile likelihood, in rising order of the value that was scanned.
+    """Points of a profile likelihood, in rising order of the scanned value.
 
-    `values` and `delta_chi2` are the points, `path` the parameters and outputs along them, `sigma`
-    the linearised standard deviation at the most likely point. `held` names other parameters whose
-    bounds are active along it; `stopped` is why the scan of a side ended before anything closed it,
-    "search" or "budget", mostly empty.
+    `values` and `delta_chi2`, with parameters and outputs in `path`; `sigma`: linearised standard
+    deviation at the most likely point; `held`: other parameters with active bounds; `stopped`:
+    "search" or "budget" for each side that ended before it was closed, else empty.
     """
 
     sigma: float
@@ -138,9 +131,9 @@ Profile = tuple[FittedEstimate, Scan]
 class Direction:
     """A right singular vector of the whitened sensitivities.
 
-    `singular` in sigma per unit of the search vector, `share` per width of the box; `vector` by
-    parameter. For a direction that the data do not see: `change` by parameter, a finite change that
-    was evaluated, and `largest`, the most that any row moved by it, in sigma.
+    `singular` in sigma per unit of the search vector, `share` per width of the bounds, `vector` by
+    parameter. Of an undetermined direction: `change`, a finite change by parameter, and `largest`,
+    the largest change of a row, in sigma.
     """
 
     singular: float
@@ -152,10 +145,10 @@ class Direction:
 
 @dataclass(frozen=True, kw_only=True)
 class Equivalent:
-    """Another point that fits as well: where it is, its origin ("start", "alternative"), Dchi^2.
+    """Another point that fits as well, its origin ("start", "alternative") and Δχ², `delta`.
 
-    `where` names the settings of another alternative, empty where they are the same; `possible`
-    says whether every output has a value there, or near by at something that fits as well.
+    `where`: settings of another alternative, else empty; `possible`: whether every output has a
+    value there or near by.
     """
 
     parameters: Mapping[str, float]
@@ -168,7 +161,7 @@ class Equivalent:
 
 @dataclass(frozen=True, kw_only=True)
 class NuRow:
-    """One nu of the schedule: misfit, distance from the prior, chi square, where it led."""
+    """One ν of the schedule: misfit, distance from the prior, χ², and its solution."""
 
     nu: float
     j_fit: float
@@ -181,11 +174,11 @@ class NuRow:
 
 @dataclass(frozen=True, kw_only=True)
 class NuChoice:
-    """nu as the data would choose it, beside the schedule; NaN where a criterion chooses none.
+    """ν as the data would choose it; NaN where a criterion chooses none.
 
-    `corner` of the L-curve, `discrepancy` the largest nu whose chi square noise explains
-    (`allowed`), `last` the schedule's. `prior` and `widths` are reference and width of the bounds
-    of the parameters; `describes` is whether the model describes the data.
+    `corner` of the L-curve, `discrepancy`: the largest ν whose χ² noise explains (`allowed`),
+    `last` of the schedule; `prior` and `widths`: references and distances of the bounds;
+    `describes`: whether the model describes the data.
     """
 
     rows: tuple[NuRow, ...]
@@ -200,10 +193,9 @@ class NuChoice:
 
 @dataclass(frozen=True, kw_only=True)
 class Bootstrap:
-    """Parametric bootstrap: refits of synthetic data drawn at the most likely point.
+    """Refits of synthetic data drawn at the most likely point; `failed` ones do not count.
 
-    `values` for what has a value by its status: median, standard deviation, 2.5 % and 97.5 %
-    points; `failed` refits are not counted.
+    `values`: median, standard deviation, 2.5 % and 97.5 % points of what has a value.
     """
 
     samples: int
@@ -214,7 +206,7 @@ class Bootstrap:
 
 @dataclass(frozen=True)
 class Effort:
-    """Evaluations of the objective, readings of derived outputs, simulation runs of the former."""
+    """Evaluations of the objective, readings of derived outputs, FMU runs of the former."""
 
     evaluations: int
     derived: int
@@ -223,14 +215,12 @@ class Effort:
 
 @dataclass(frozen=True, kw_only=True)
 class Knowledge:
-    """What was found about the values of a fit beside them.
+    """What the data of a fit determine besides values.
 
-    `chi_square` of the peaks (and sweep) at the most likely point, against `freedom`;
-    `inflation` of all standard deviations for residuals beyond the noise, `adequacy` whether
-    the model describes the data at all. `most_likely` are all parameters at that point, with their
-    `units`; those in `of_experiments` belong to single experiments. `data` is False where the
-    profiles are those of assumed data (before any measurement). `scans` are the profiles, by name
-    of the value.
+    `chi_square` at the most likely point, with its `freedom`; `inflation`: factor on errors for
+    residuals beyond the noise. `most_likely`: all parameters, with `units`, those in
+    `of_experiments` of single experiments. `data`: False: profiles are of expected data. `scans`:
+    profiles by value.
     """
 
     data: bool
@@ -254,8 +244,8 @@ class Knowledge:
 class PairTest:
     """Test of the numbers that two sets of campaigns both determine.
 
-    `chi_square` of their difference, against `freedom` of them; `sigmas` the same as standard
-    deviations of a normal distribution (NaN where they determine nothing in common).
+    `chi_square` of their difference, `freedom`; `sigmas`: as normal deviate (NaN: nothing in
+    common).
     """
 
     one: str
@@ -275,7 +265,7 @@ class PairTest:
 
 @dataclass(frozen=True)
 class ValueAlone:
-    """A value as one campaign alone determines it (NaN where it does not), with its error."""
+    """A value as one campaign alone determines it, with its error; NaN: undetermined."""
 
     value: float
     std: float
@@ -285,10 +275,9 @@ class ValueAlone:
 class SeriesPart:
     """One campaign of a joint fit.
 
-    `chi` is its scale; `determined` how many numbers its data determine; `chi_square_joint` of its
-    rows at the joint solution and `chi_square_alone` at its own, both linearised at the former;
-    `rows` the number of its rows, `alone` what it determines by itself, by name; `swept_initial_v`
-    and `swept_final_v` its sweep as simulated (scaled) before and after, at the measured points.
+    `chi`: its scale; `rows` of data, which determine `determined` numbers; `chi_square_joint` at
+    the joint solution, `chi_square_alone` at its own, both linearised; `alone`: values that it
+    determines by itself; `swept_initial_v`, `swept_final_v`: its simulated sweep before and after.
     """
 
     name: str
@@ -315,9 +304,9 @@ class JointResult:
 
 @dataclass(frozen=True, kw_only=True)
 class ExternalTest:
-    """Distance of a result from a value found elsewhere, in standard deviations (NaN: untestable).
+    """Distance from a value found elsewhere, in standard deviations `sigmas` (NaN: untestable).
 
-    `std` of the external value is zero where none was given; `found`, `found_std` are the result's.
+    `std` of that value, 0: not given; `found`, `found_std`: the result's.
     """
 
     name: str
@@ -333,8 +322,7 @@ class ExternalTest:
 class PhaseGain:
     """Standard deviation of a value, of `amplitudes` alone and with `phases`, in `unit`.
 
-    With phases it is the reported one, of amplitudes alone it is as many times as wide as in the
-    linearised problem.
+    With phases: as reported; alone: scaled by the ratio in the linearised problem.
     """
 
     name: str
@@ -345,11 +333,10 @@ class PhaseGain:
 
 @dataclass(frozen=True, kw_only=True)
 class Quadratures:
-    """Gains in precision by phases, and qualities that follow from what is solved inside.
+    """Gains in precision by phases, and quality factors from what is solved for; empty without.
 
-    Both are empty without any. The interval of a quality is symmetric in its logarithm, that of a
-    quality factor in 1/Q, and infinite above where no loss at all would suit the data as well; its
-    value is NaN where its loss comes out negative.
+    Intervals of quality factors are symmetric in 1/Q, infinite above if no loss fits as well; NaN:
+    negative loss. Those of other qualities are symmetric in the logarithm.
     """
 
     gains: tuple[PhaseGain, ...] = ()
@@ -371,13 +358,12 @@ class Quadratures:
 
 @dataclass(frozen=True, kw_only=True)
 class Ending:
-    """How a fit ended and what that rests on; a sentence is made of it by a template.
+    """How a fit ended, and why.
 
-    `adequacy` is None where the residuals were not tested, `inflation` the factor on all errors for
-    residuals beyond the noise, `structure` that of the residuals of curves, `noise` what chi square
-    is compared with. `share` is the residual of the curve that is described worst, root mean
-    square, over its largest amplitude, of complex values the distance from the model; it `is_part`
-    where there are other rows, too. `contradictions` are those of campaigns.
+    `adequacy`: None: residuals were not tested; `inflation`: factor on all errors for residuals
+    beyond the noise; `structure`: of the residuals of curves; `noise`: to which χ² is compared.
+    `share`: rms residual of the worst curve over its largest amplitude; `is_part`: whether there
+    are other rows.
     """
 
     kind: Literal["described", "not_described", "no_line", "contradiction", "not_converged"] = (
@@ -485,10 +471,7 @@ class Determined(Values):
 
 @dataclass(frozen=True, kw_only=True)
 class PartAlone(Determined):
-    """What the measurements at some `settings` determine without the others.
-
-    `places` of `total` were measured there.
-    """
+    """What the measurements at some `settings`, `places` of `total`, determine alone."""
 
     settings: Mapping[str, Scalar]
     places: int
@@ -497,10 +480,7 @@ class PartAlone(Determined):
 
 @dataclass(frozen=True, kw_only=True)
 class Identification(Determined):
-    """What `fmu-fit identify` writes: where it set out from (`at`), and what it found.
-
-    `part`: what some of the measurements determine alone, if that was asked.
-    """
+    """What `fmu-fit identify` writes: its start `at`, what data determine, and what a `part`."""
 
     title: str
     synthetic: bool

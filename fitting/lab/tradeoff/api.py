@@ -40,22 +40,18 @@ def tradeoff(
     resume: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Study:
-    """Measure how accurate and how expensive every way to simulate a campaign is.
-
-    The campaign may hold measurements of any kind, and its FMU may be any: accuracies are those of
-    its plan, reductions and the solver's parameters those that campaign and FMU name.
+    """Measure accuracy and cost of every way to simulate a campaign, of any kind and FMU.
 
     Args:
-        subject: A campaign or its path, or the name of a synthetic one ("string", ...).
-        fmu: The FMU; None: the one that the campaign names, with one worker: fair times.
-        options: Accuracies, whether each setting is fitted; None: the usual accuracies, no fits.
-        out: Folder where rows are kept as they come; None: they are not kept.
-        resume: Whether rows that an interrupted study left there are taken over.
-        progress: Is called with a line of what is under way.
+        subject: A campaign, its path, or the name of a synthetic one ("string", ...).
+        fmu: The FMU; None: the campaign's, with one worker for fair times.
+        options: Accuracies, and whether to fit; None: the usual accuracies, no fits.
+        out: Folder for rows as they are measured; None: not kept.
+        resume: Whether rows of an interrupted study there are kept.
+        progress: Called with a line at every step.
 
     Returns:
-        A row per setting with processor time and errors, in a fixed order; a setting that failed
-        is a row with the reason.
+        A row per setting with processor time and errors, or the reason of its failure.
 
     Raises:
         BadInput: no such campaign, a campaign that does not fit the FMU, rows of another study.
@@ -113,17 +109,17 @@ def _studied(
 
 
 def write_tradeoff(study: Study, out: str | Path) -> list[Path]:
-    """Write what the command line writes: tables and figure.
+    """Write tables and figure, as the command does.
 
     Args:
-        study: What was measured.
+        study: Of `tradeoff`.
         out: Folder, made where there is none.
 
     Returns:
-        The paths of all files.
+        The files.
 
     Raises:
-        BadInput: the folder cannot be written, or holds files of these names of others.
+        BadInput: the folder cannot be written, or holds other files of these names.
     """
     # matplotlib takes a second to import: only where something is drawn
     drawn = importlib.import_module("fitting.lab.tradeoff.figure")

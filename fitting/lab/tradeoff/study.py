@@ -33,8 +33,8 @@ class StudyOptions:
     """What a study of accuracy against cost compares.
 
     Args:
-        accuracies: At which plans are made, between 0 and 1.
-        quick: Whether few accuracies are compared where none are named.
+        accuracies: Of plans, in (0, 1); none: the usual ones.
+        quick: Whether the usual ones are few.
         fit: Whether every setting is fitted, too.
     """
 

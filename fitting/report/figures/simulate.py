@@ -187,9 +187,9 @@ def drive_envelope(
     """Draw the envelope |sum_k A_k exp(2 pi i (u_k - u_1) t)| of a drive over time, filled.
 
     Args:
-        experiment: whose drive b(t) = sum_k A_k cos(2 pi u_k t) it is, in the FMU's unit.
-        span_s: time shown, s; two beats if not given.
-        ax: where to draw; pyplot's current axes if not given.
+        experiment: With the drive b(t) = sum_k A_k cos(2 pi u_k t), in the FMU's unit.
+        span_s: Duration, s; None: two beats.
+        ax: Where to draw; None: pyplot's current axes.
     """
     axes = axes_of(ax)
     span = beats_s([experiment]) if span_s is None else span_s
@@ -209,9 +209,9 @@ def drive_periods(
     """Draw a drive b(t) = sum_k A_k cos(2 pi u_k t) over single periods, its envelope dashed.
 
     Args:
-        experiment: whose drive it is, in the FMU's unit.
-        span_s: time shown, s; eight periods of the fastest tone if not given.
-        ax: where to draw; pyplot's current axes if not given.
+        experiment: With the drive b(t) = sum_k A_k cos(2 pi u_k t), in the FMU's unit.
+        span_s: Duration, s; None: eight periods of the fastest tone.
+        ax: Where to draw; None: pyplot's current axes.
     """
     axes = axes_of(ax)
     span = CARRIERS / max(experiment.tones_hz) if span_s is None else span_s
@@ -250,15 +250,13 @@ def _envelope(experiment: ShownTones, time_s: FloatArray) -> FloatArray:
 
 
 def beating(result: DriveResponse, output: str, *, unit: str = "", ax: Axes | None = None) -> Axes:
-    """Draw two beats of a simulated response over time.
-
-    A trace of many periods is drawn filled, from the least to the largest value of each time.
+    """Draw two beats of a simulated response over time; many periods as a band of all values.
 
     Args:
-        result: a drive that beats; a single tone does not.
-        output: name of the output.
-        unit: of the output.
-        ax: where to draw; pyplot's current axes if not given.
+        result: Of `ff.simulate`, with two tones or more.
+        output: Its name.
+        unit: Of the output.
+        ax: Where to draw; None: pyplot's current axes.
 
     Raises:
         ValueError: the drive does not beat.
@@ -291,10 +289,10 @@ def periods(result: DriveResponse, output: str, *, unit: str = "", ax: Axes | No
     """Draw single periods of a simulated response over time.
 
     Args:
-        result: a drive.
-        output: name of the output.
-        unit: of the output.
-        ax: where to draw; pyplot's current axes if not given.
+        result: Of `ff.simulate`.
+        output: Its name.
+        unit: Of the output.
+        ax: Where to draw; None: pyplot's current axes.
     """
     axes = axes_of(ax)
     values = _values(axes, result, result.carrier, output, unit)
@@ -327,14 +325,14 @@ def amplitude_spectrum(
 ) -> Axes:
     """Draw amplitudes of a simulated response over frequency, the tones marked with their peaks.
 
-    Grey is the share of the largest peak below which a line may be rounding.
+    Grey: the share of the largest peak below which a line may be rounding.
 
     Args:
-        result: a drive.
-        output: name of the output.
-        unit: of the output.
-        mixed: lines at combinations of the tones to mark, with their names.
-        ax: where to draw; pyplot's current axes if not given.
+        result: Of `ff.simulate`.
+        output: Its name.
+        unit: Of the output.
+        mixed: Combinations of the tones to mark, with names.
+        ax: Where to draw; None: pyplot's current axes.
     """
     axes, spectrum = axes_of(ax), result.spectrum
     column = result.drive.outputs.index(output)
@@ -421,14 +419,12 @@ def tone_text(tone_hz: float) -> str:
 
 
 def swept_tone(result: SweepResponse, *, unit: str = "", ax: Axes | None = None) -> Axes:
-    """Draw the amplitude of an output under a tone that is moved upward and downward.
-
-    Dotted lines mark where a branch ends and the amplitude jumps.
+    """Draw amplitudes of a swept tone upward and downward; dotted: jumps at the end of a branch.
 
     Args:
-        result: a simulated frequency response.
-        unit: of the output, whose peak amplitude is drawn.
-        ax: where to draw; pyplot's current axes if not given.
+        result: Of `ff.sweep`.
+        unit: Of the output.
+        ax: Where to draw; None: pyplot's current axes.
     """
     axes, sweep = axes_of(ax), result.sweep
     along = scaling_for(sweep.frequencies_hz, "Hz")
