@@ -3,10 +3,11 @@
 Points that fill the bounds evenly are evaluated in one batch; from the best of them that are apart
 searches start, all side by side. While noise does not explain the least chi square, rounds of as
 many further points as there were follow, as far as the budget goes: a valley that takes a
-thousandth of the box is met by a thousand points, not by sixty-four. Each of these rounds is
-followed by two that look elsewhere: curves over frequency are first compared by where their power
-is, which leads lines that stand beside each other together; and in boxes of many parameters points
-along the edges of the box through the lowest minima are evaluated.
+thousandth of the box is met by a thousand points, not by sixty-four. White residuals of one size
+are noise, however large: no better minimum makes them smaller. Each of these rounds is followed by
+two that look elsewhere: curves over frequency are first compared by where their power is, which
+leads lines that stand beside each other together; and in boxes of many parameters points along the
+edges of the box through the lowest minima are evaluated.
 
 Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
 methods", Mathematical Programming 39 (1987) 57.
@@ -22,10 +23,10 @@ import numpy as np
 
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.fit.levenberg import Goal, expand, minimise
-from fitting.fit.likelihood import LikelihoodEvaluator, Request
+from fitting.fit.likelihood import Likelihood, LikelihoodEvaluator, Request
 from fitting.fit.optimum import TOO_LARGE_P, freedom_of
 from fitting.measurements.dataset import Dataset
-from fitting.signal.misfit import UNLIKELY
+from fitting.signal.misfit import DOUBTFUL, SURE, UNLIKELY, of_one_size
 from fitting.signal.residual_tests import white_noise_p
 from fitting.signal.student import tail
 from fitting.text.arrays import FloatArray, IntArray
@@ -329,8 +330,12 @@ def search_box(
         for begun, end in ended:
             if end.chi_square < min((m.chi_square for m in minima), default=math.inf):
                 rows = end.end.sample.rows[: likelihood.data_rows]
-                p = tail(float(rows @ rows), freedom_of(likelihood, end.end), data.noise_freedom)
-                p = 0.0 if _is_correlated(data, rows) else p
+                freedom = freedom_of(likelihood, end.end)
+                p = tail(float(rows @ rows), freedom, data.noise_freedom)
+                if _is_correlated(data, rows):
+                    p = 0.0
+                elif p < TOO_LARGE_P and freedom >= SURE and _is_noise(likelihood, rows):
+                    p = 1.0
             x = likelihood.folded(end.end.x)
             minima.append(Minimum(x=x, begun=begun, chi_square=end.chi_square))
         minima = distinct(box, minima)
@@ -376,6 +381,21 @@ def _is_correlated(data: Dataset, rows: FloatArray) -> bool:
         return False
     curves = (rows[at] for m, at in zip(data.measurements, data.slices, strict=True) if m.is_curve)
     return any(white_noise_p(each) < UNLIKELY for each in curves)
+
+
+def _is_noise(likelihood: Likelihood, rows: FloatArray) -> bool:
+    """Whether whitened rows (m,) are noise that is larger than stated: white, and of one size.
+
+    A wrong minimum leaves a pattern along some curve, or a part of the rows far off the rest.
+    """
+    data, tests, tested = likelihood.objective.data, list[float](), np.zeros(rows.size, dtype=bool)
+    residuals = likelihood.residuals(rows)
+    for m, at in zip(data.measurements, data.slices, strict=True):
+        for curve in m.residual_curves(residuals[at]):
+            tests.append(white_noise_p(rows[at][curve.rows]))
+            tested[at.start + curve.rows] = True
+    is_white = bool(np.all(tested)) and min(tests) * len(tests) >= DOUBTFUL
+    return is_white and of_one_size(rows, outliers=False)
 
 
 def distinct(box: Box, minima: Sequence[Minimum]) -> list[Minimum]:

@@ -168,17 +168,18 @@ def correlated_below(chi_square: float, freedom: float, p_value: float) -> float
     return UNLIKELY if is_wrong and freedom >= SURE else CORRELATED
 
 
-def of_one_size(white: FloatArray) -> bool:
+def of_one_size(white: FloatArray, *, outliers: bool = True) -> bool:
     """Whether residuals may be noise of one size: a part of them alone does not make up chi square.
 
     Half of Gaussian residuals are within 0.674 of their root mean square. Where so many more are
-    that it is hardly chance (P < UNLIKELY), a part of the data is off and the rest is not. As many
-    as may be outliers (`far_off`) are left out, two of each reading.
+    that it is hardly chance (P < UNLIKELY), a part of the data is off and the rest is not.
 
     Args:
         white: over their noise, shape (m,).
+        outliers: whether as many as may be outliers (`far_off`) are left out, two of each reading.
     """
-    sizes = np.sort(np.abs(white))[: white.size - 2 * _most_off(white.size)]
+    most = 2 * _most_off(white.size) if outliers else 0
+    sizes = np.sort(np.abs(white))[: white.size - most]
     half = MEDIAN_OF_NORMAL * math.sqrt(float(np.mean(sizes**2)))
     inside = int(np.count_nonzero(sizes < half))
     return bool(bdtrc(inside - 1, sizes.size, 0.5) >= UNLIKELY)

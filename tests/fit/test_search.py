@@ -22,6 +22,7 @@ from fitting.fit.twins import Twin, find_twins
 from fitting.text.arrays import FloatArray
 from tests.support import closed_form
 from tests.support.crossing import Laboratory, laboratory
+from tests.support.curve_fits import U, fitted_line, line, sweep
 from tests.support.datasets import answer, dataset
 from tests.support.virtual.answers import ModesResponse
 from tests.support.virtual.judge import Likelihood
@@ -236,6 +237,17 @@ def test_two_lines_in_a_box_of_a_hundred_widths_are_found(tmp_path: Path) -> Non
     end = least.vector(dict(zip(found.problem.names, found.x, strict=True)), reflection=False)
     # near the truth, in its valley: others end above 70,000
     assert least.chi_square(end) < least.chi_square(least.true) + 20.0
+
+
+@pytest.mark.parametrize(("bump", "rounds"), [(0.0, 1), (0.02, 2)])
+def test_noise_of_any_size_ends_a_search_and_a_pattern_does_not(bump: float, rounds: int) -> None:
+    """White residuals three times as large as stated are noise; with a second line they are not."""
+    noise = 3e-3 * np.random.default_rng(5).standard_normal(U.size)
+    measured = sweep(line(U) + bump * line(U, 1010.0, 4.0) + noise, 1e-3)
+    outcome = fitted_line(measured).outcome
+    assert outcome.search is not None
+    assert min(outcome.search.screens, 2) == rounds
+    assert outcome.search.explained is (rounds == 1)
 
 
 @pytest.mark.nightly
