@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -16,16 +17,14 @@ DATA = Path(__file__).resolve().parents[2] / "data"
 INTRODUCTION = """\
 # campaign.toml
 
-Every key of the campaign file. [Write a campaign](../how-to/campaign.md) describes how they go
-together. An unknown key is an error that names the nearest known one, and all errors are printed
-at once, a line each. “Value” is a number in the FMU's own unit, or a text with a unit as `"6.94016
-MHz"`; paths are relative to the file. A default follows `=`; examples are those of the shipped
-campaigns.
+Every key of the campaign file; [Write a campaign](../how-to/campaign.md) describes its use. All
+errors are printed at once. “Value” is a number in the FMU's unit, or a text with a unit as
+`"6.94016 MHz"`; paths are relative to the file. A default follows `=`.
 
-The same as a JSON Schema for editors: `python -m fitting.measurements.schema >
-campaign.schema.json` writes it, and a first line `#:schema ./campaign.schema.json` in the
-campaign names it."""
+For editors: `python -m fitting.measurements.schema > campaign.schema.json` writes a JSON Schema, to
+be named by a first line `#:schema ./campaign.schema.json`."""
 SHARED = "## Keys of several tables"
+PLURAL = {"text": "texts", "value": "values", "number above 0": "numbers above 0"}
 #: Kinds of keys whose examples add to the description.
 FREE_TEXT = ("text", "value", "list", "table")
 
@@ -43,7 +42,7 @@ def page() -> str:
     for place, entries in keys.items():
         table, name = tables[place], ".".join(place)
         parts.append(f"## `[[{name}]]`" if table["is_repeated"] else f"## `[{name}]`")
-        parts.append(escaped(_line(table.get("description", ""))))
+        parts.append(escaped(_line(table.get("description", "").partition("\n\n")[0])))
         if isinstance(free := table.get("additionalProperties"), dict):
             example = _example(place, shipped, None)
             shown = f", as `{example}`" if example else ""
@@ -95,11 +94,10 @@ def _keys(
         usual = value.get("default")
         if not _is_table(value.get("items", value)):
             kind = _wanted(value)
-            kind += (
-                ", required"
-                if key in required
-                else f" = {code(_toml(usual))}" * (usual is not None)
-            )
+            if key in required:
+                kind += ", required"
+            elif usual is not None:
+                kind = f"{'' if kind == 'Boolean' else kind} = {code(_toml(usual))}".strip()
         elif not place or not _is_listed(key, value.get("items", value)):
             continue
         elif inner := value.get("properties"):
@@ -107,9 +105,10 @@ def _keys(
             text += " " + "; ".join(f"`{k}`: {_line(v['description'])}" for k, v in inner.items())
             text = text.replace(".; ", "; ")
         else:
-            kind = f"table: {_wanted(value['additionalProperties'])} by variable"
+            word = _wanted(value["additionalProperties"])
+            kind = f"table of {PLURAL.get(word, word)} by name"
         example = _example((*place, key), shipped, usual) or _stated(value)
-        has_example = example and kind.startswith(FREE_TEXT) and example not in text
+        has_example = example and kind.startswith(FREE_TEXT) and not re.search(r"\bas ", text)
         yield key, escaped(f" ({kind}): {text}") + (f" As `{example}`." if has_example else "")
 
 
@@ -121,15 +120,14 @@ def _wanted(value: Mapping[str, Any]) -> str:
         return f"text, {value['x-unit']}"
     kind = value.get("type")
     if kind == "array":
-        return "list of " + {"text": "texts", "value": "values"}.get(
-            word := _wanted(value["items"]), word.replace("number", "numbers")
-        )
+        word = _wanted(value["items"])
+        return f"list of {PLURAL.get(word, word)}"
     if kind == "object":
         inner = value.get("properties", {})
         return "table" + f" of {' and '.join(map(code, inner))}" * bool(inner)
     if isinstance(kind, list):
         return "share" if value.get("examples") else "value"
-    words = {"string": "text", "boolean": "true or false", "integer": "whole number"}
+    words = {"string": "text", "boolean": "Boolean", "integer": "integer"}
     word = words.get(str(kind), "number")
     least, above = value.get("minimum"), value.get("exclusiveMinimum")
     if least is not None:

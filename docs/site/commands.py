@@ -13,14 +13,12 @@ from fitting.cli.words.parser import COMMANDS, EXIT_CODES, add_options, command_
 INTRODUCTION = """\
 # Commands
 
-`fmu-fit COMMAND --help` prints the same; `python -m fitting` is the same program. `FMU` is a file,
-or the name of a model of this project, as `CoupledOscillator`. Every command writes only under
-`--out`. [Exit codes](exit-codes.md) are the same for all. Defaults are in brackets.
+`fmu-fit COMMAND --help` prints the same, with defaults in brackets; `python -m fitting` is the same
+program. Commands write only under `--out`. [Exit codes](exit-codes.md) are the same for all.
 
-With `--json` the result is printed on stdout as one document, and nothing else is, so that
-`fmu-fit reconstruct CAMPAIGN.toml --json | jq .parameters` works. Progress and the lines of
-`--verbose` go to stderr. `reconstruct --verbose` also prints the table of values and every
-[finding](findings.md) below its first screen."""
+With `--json` only the result is on stdout, as for
+`fmu-fit reconstruct CAMPAIGN.toml --json | jq .parameters`; progress goes to stderr.
+`reconstruct --verbose` also prints the table of values and every [finding](findings.md)."""
 SHARED = "## Options of several commands"
 BELOW_THE_CODES = """\
 Bad input is reported on stderr, a line for each error: file, row, column or key, what was found,
@@ -31,7 +29,7 @@ of a fault is kept in `--out`, where that exists, else among the temporary files
 
 def page() -> str:
     """The page: what several commands take, then each command with its own options."""
-    options = {name: dict(map(_option, _actions(name))) for name in COMMANDS}
+    options = {name: dict(map(_option, actions_of(name))) for name in COMMANDS}
     count = Counter(option for command in options.values() for option in command.items())
     shared = {option for option, number in count.items() if number > 1}
     everywhere = [key for (key, _), number in count.items() if number == len(COMMANDS)]
@@ -56,7 +54,12 @@ def exit_codes_page() -> str:
     return "\n\n".join(["# Exit codes", table(("exit code", "meaning"), rows), BELOW_THE_CODES])
 
 
-def _actions(name: str) -> list[argparse.Action]:
+def actions_of(name: str) -> list[argparse.Action]:
+    """Options and arguments of a command.
+
+    Args:
+        name: of the command.
+    """
     parser = argparse.ArgumentParser(prog=f"fmu-fit {name}", add_help=False)
     add_options(parser, command_of(name))
     return [action for action in parser._actions if action.help is not argparse.SUPPRESS]

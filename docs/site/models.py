@@ -21,7 +21,7 @@ range; an FMU with other numbers of modes (`python build_fmu.py --model CoupledM
 the variables of `CoupledModes2` for each mode and pair. What several variables mean alike is
 described of the first one. [The model](../explanation/model.md) has the equations."""
 #: What differs between variables that mean alike: numbers, and the signs of two modes.
-DIFFERENT = re.compile(r"\d+|plus|minus")
+DIFFERENT = re.compile(r"readout(?!\d)|q\d+_hybrid|q\d+|\d+|plus|minus")
 
 
 def page() -> str:

@@ -10,7 +10,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import fitting
+from docs.site.commands import actions_of
 from docs.site.docstrings import parts_of
+from fitting.lines.record import MeasuredLine
 from fitting.measurements.schema import campaign_schema
 
 INTRODUCTION = """\
@@ -18,8 +20,9 @@ INTRODUCTION = """\
 
 Everything that the commands do is in `import fitting as ff`. Nothing else is promised. Wrong input
 raises `BadInput`, an FMU that fails `FmuFailure`: `help(ff.fit)` lists when. An argument is
-described where it comes first, or with the key of its name in [campaign.toml](campaign.md); `help`
-describes it everywhere, and those of methods and plots. A default shows the type. Fields of records
+described where it comes first, or by the key of its name in [campaign.toml](campaign.md) or the
+option in [Commands](commands.md); `help` describes it everywhere, and those of methods and plots. A
+default shows the type, and is not listed where the text names it (None, empty). Fields of records
 that are returned are those of [Files of results](results.md)."""
 #: Tables of campaign.toml whose keys mean what arguments of these names mean.
 TABLES = {
@@ -35,6 +38,25 @@ TABLES = {
     "Tones": "experiments",
     "Trace": "trace",
 }
+#: Commands whose options mean what arguments of these names mean.
+OPTIONS = {
+    "Accuracy": "simulate",
+    "Columns": "line",
+    "EnsembleOptions": "ensemble",
+    "Goal": "design",
+    "Sampling": "posterior",
+    "calibrate": "calibrate",
+    "check": "check",
+    "cost": "reconstruct",
+    "ensemble": "ensemble",
+    "fit": "reconstruct",
+    "identify": "identify",
+    "line": "line",
+    "report": "reconstruct",
+    "ringdown": "line",
+    "tradeoff": "tradeoff",
+}
+UNIT = re.compile(r"_(s|hz)$")
 #: Classes whose properties and methods are listed; `help` has those of the others.
 WITH_MEMBERS = ("Problem", "Fmu", "Value", "Fit", "Inference")
 #: Words of an argument's description from which it is not repeated.
@@ -42,19 +64,12 @@ REPEATED = 4
 
 
 def page() -> str:
-    """The page: links to all names, then each with its arguments and docstring."""
-    names = [name for name in fitting.__all__ if not name.startswith("_")]
-    links = (f"[`{name}`](#{_anchor(name)})" for name in names)
-    parts, described = [INTRODUCTION, ", ".join(links)], dict[tuple[str, str], str]()
-    for name in names:
-        parts += [f'<a id="{_anchor(name)}"></a>', f"## ff.{name}"]
+    """The page: every name with its arguments and docstring."""
+    parts, described = [INTRODUCTION], dict[tuple[str, str], str]()
+    for name in (name for name in fitting.__all__ if not name.startswith("_")):
+        parts.append(f"## ff.{name}")
         parts += _described(f"ff.{name}", getattr(fitting, name), described)
     return "\n\n".join(part for part in parts if part)
-
-
-def _anchor(name: str) -> str:
-    """Classes and functions of one name differ in capitals alone, which anchors may not."""
-    return f"{'class' if name[0].isupper() else 'function'}-{name.lower()}"
 
 
 def _described(name: str, value: Any, described: dict[tuple[str, str], str]) -> Iterator[str]:
@@ -73,13 +88,14 @@ def _described(name: str, value: Any, described: dict[tuple[str, str], str]) -> 
     yield prose
     if "Args" in sections or not inspect.isclass(value):
         yield _arguments(name, value, dict(sections.get("Args", ())), described)
-    yield "\n".join(f"- `{key}`: {text}" for key, text in sections.get("Attributes", ()))
+    if not (inspect.isclass(value) and issubclass(value, MeasuredLine)):  # in Files of results
+        yield "\n".join(f"- `{key}`: {text}" for key, text in sections.get("Attributes", ()))
     if not inspect.isclass(value):
         kind = _type(inspect.signature(value).return_annotation)
         text = "".join(f": {text}" for _, text in sections.get("Returns", ()))
         yield f"Returns `{kind}`{text or '.'}" if kind != "None" else ""
     elif value.__name__ in WITH_MEMBERS:
-        yield "Members:"
+        yield "With:"
         yield "\n".join(
             _call(member, inner) if callable(inner) else f"- `{member}`: {_sentence(inner)}"
             for member, inner in _members(value)
@@ -117,9 +133,14 @@ def _members(kind: type) -> list[tuple[str, Any]]:
 def _arguments(
     name: str, value: Any, texts: dict[str, str], described: dict[tuple[str, str], str]
 ) -> str:
-    """A line for each argument; those by keyword that were described before are on the last."""
-    table = TABLES.get(name.removeprefix("ff."), "")
+    """A line for each argument; optional ones that were described before are on the last."""
+    table, command = (by.get(name.removeprefix("ff."), "") for by in (TABLES, OPTIONS))
     keys = _keys().get(table, ())
+    options = {
+        option.removeprefix("--").replace("-", "_")
+        for action in (actions_of(command) if command else ())
+        for option in action.option_strings
+    }
     lines = list[str]()
     before = dict[str, list[str]]()
     for key, parameter in inspect.signature(value).parameters.items():
@@ -128,18 +149,20 @@ def _arguments(
         text = texts.get(key, "")
         first = described.setdefault((key, text), f"`{name}`")
         if key in keys:
-            first = f"[campaign.toml](campaign.md#{table})"
+            first = f"[`{table}`](campaign.md#{table})"
+        elif UNIT.sub("", key) in options:
+            first = f"[`{command}`](commands.md#{command})"
         is_repeated = first != f"`{name}`" and len(text.split()) >= REPEATED
-        if parameter.kind is not parameter.KEYWORD_ONLY:
-            lines.append(_argument(parameter, f"as of {first}." if is_repeated else text))
+        if is_repeated and parameter.default is parameter.empty:
+            lines.append(_argument(parameter, f"as of {first}."))
         elif is_repeated:
             before.setdefault(first, []).append(f"`{key}`")
         else:
-            lines += [] if "By keyword:" in lines else ["", "By keyword:", ""]
+            if parameter.kind is parameter.KEYWORD_ONLY and "By keyword:" not in lines:
+                lines += ["", "By keyword:", ""]
             lines.append(_argument(parameter, text))
     also = "; ".join(f"as of {first}: {', '.join(keys)}" for first, keys in before.items())
-    word = "Also" if "By keyword:" in lines else "By keyword,"
-    return "\n".join([*lines, "", f"{word} {also}." if also else ""]).strip()
+    return "\n".join([*lines, "", f"Also {also}." if also else ""]).strip()
 
 
 @functools.cache
@@ -153,8 +176,11 @@ def _keys() -> dict[str, frozenset[str]]:
 def _argument(parameter: inspect.Parameter, text: str) -> str:
     """An argument with its type, or a default that shows it, and its description."""
     usual, kind = parameter.default, _type(parameter.annotation)
-    if usual is None:
-        kind = f": {kind.removesuffix(' | None')} = None"
+    is_named = (usual is None and "None: " in text) or (
+        usual in ("", ()) and re.search("(empty|none): ", text)
+    )
+    if usual is None or is_named:
+        kind = f": {kind.removesuffix(' | None')}{'' if is_named else f' = {usual!r}'}"
     elif usual is parameter.empty or re.match(r"<factory>|<class |<function ", repr(usual)):
         kind = f": {kind}{'' if usual is parameter.empty else ' = ...'}"
     else:

@@ -15,14 +15,12 @@ from docs.site.docstrings import parts_of
 from docs.site.markdown import code, escaped
 from fitting.design.result import Design, Ways
 from fitting.inference.likelihood.knowledge import Identification
-from fitting.lines import record as line_record
 from fitting.lines.line import Line
 from fitting.lines.noise_spectrum import NoiseLine
 from fitting.lines.record import LineNumber
 from fitting.lines.ringdown import Ringdown
 from fitting.posterior.summary import PosteriorSummary
 from fitting.result.result import Result
-from fitting.text import old_names
 from fitting.text.arrays import Scalar
 from fitting.text.estimate import Estimate, Verdict
 from fitting.text.finding import Kind
@@ -49,16 +47,11 @@ ROOTS: tuple[tuple[str, type[Any]], ...] = (
     ("line.json of a ringdown", Ringdown),
     ("line.json of a noise spectrum", NoiseLine),
 )
-#: Sections of old keys: of which records, and where each is.
-RENAMED: tuple[tuple[str, Mapping[str, str]], ...] = (
-    ("values", old_names.RENAMED),
-    ("lines (`line.json`, `line --json`, `line` of result.json)", line_record.RENAMED),
-)
 OLD_KEYS = """\
 ## Keys of 0.2.0
 
-`result.json` of 0.2.0 (schema 1) is read. In Python the old names work until 0.4, with a warning;
-`q`, `amplitude`, `power`, `rms` and qualities of a dip work as numbers until then, with a warning.
+`result.json` of 0.2.0 (schema 1) is read. In Python the old names work until 0.4, with a warning
+that states the new one, and so do numbers of lines as plain numbers.
 A number of a line is an [Estimate](#estimate); its keys that only fits use
 are left out: `frequency_hz`, `frequency_std_hz` and `frequency_ci95_hz` are `frequency.value`,
 `frequency.std` and `frequency.ci95`, and likewise of every number.
@@ -84,14 +77,6 @@ def page() -> str:
                 parts += [] if record is root else [f"### {record.__name__}"]
                 parts += _described(record)
     parts.append(OLD_KEYS)
-    for name, renamed in RENAMED:
-        by_key = dict[str, list[str]]()
-        for old, new in renamed.items():
-            owner, _, part = new.partition(".")
-            if part not in ("value", "std", "ci95") or not old.startswith(f"{owner}_"):
-                by_key.setdefault(new, []).append(code(old))
-        rows = (f"{', '.join(old)} → {code(new)}" for new, old in by_key.items())
-        parts.append(f"Of {name}: {'; '.join(rows)}.")
     return "\n\n".join(part for part in parts if part)
 
 

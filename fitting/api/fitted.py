@@ -248,12 +248,12 @@ class Valued(HtmlText, ABC):
 
     @property
     def is_stored(self) -> bool:
-        """Whether it was read from a file, which has no fit."""
+        """Whether it was read from a file."""
         return not isinstance(self.inferred, InferenceRecord)
 
     @cached_property
     def values(self) -> dict[str, Value]:
-        """Every value by name: parameters, derived outputs, values of single experiments."""
+        """Every value by name, those of single experiments, too."""
         record = self.inferred
         every = (*record.parameters.values(), *record.derived.values(), *record.offsets)
         return {e.name: _value(e, record.scans.get(e.name)) for e in every}
@@ -265,31 +265,31 @@ class Valued(HtmlText, ABC):
 
     @property
     def params(self) -> dict[str, Value]:
-        """The n fitted parameters by name, without values of single experiments."""
+        """The n fitted parameters by name."""
         return {name: self.values[name] for name in self.inferred.parameters}
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of ``params``, shape (n,) each, in their units."""
+        """Lower and upper bounds of ``params``, shape (n,) each."""
         lower, upper = np.array([value.bounds for value in self.params.values()]).T
         return lower, upper
 
     @property
     def correl(self) -> FloatArray:
-        """Correlations of ``params``, shape (n, n), of the problem linearised at its solution."""
+        """Correlations of ``params``, shape (n, n), linearised."""
         if self.is_stored:
             return np.array(self.result.correlation)
         return np.array(correlation_of(self.source.record.solution))
 
     @property
     def covar(self) -> FloatArray:
-        """Covariance of ``params``, shape (n, n), in their units: ``correl`` with each ``std``."""
+        """Covariance of ``params``, shape (n, n): ``correl`` with each ``std``."""
         std = np.array([value.std for value in self.params.values()])
         return np.asarray(self.correl * np.outer(std, std))
 
     @property
     def chisqr(self) -> float:
-        """Chi square of the rows of known noise at the most likely point; nan: all unknown."""
+        """χ² of rows of known noise at the most likely point; nan: none."""
         return self.inferred.chi_square
 
     @property
@@ -299,21 +299,17 @@ class Valued(HtmlText, ABC):
 
     @property
     def redchi(self) -> float:
-        """``chisqr`` over ``dof``, of which 1 is expected."""
+        """``chisqr``/``dof``, expected to be 1."""
         return self.chisqr / self.dof if self.dof else math.nan
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion for known noise: ``chisqr`` + 2 (number of fitted parameters)."""
+        """``chisqr`` + 2 (number of fitted parameters)."""
         return self.chisqr + 2.0 * (len(self.inferred.parameters) + len(self.inferred.offsets))
 
     @property
     def best_fit(self) -> FloatArray:
-        """What the model predicts, shape (k,), V: all peaks, then the points of the sweep.
-
-        At the most likely parameters, as the report has it. `fitting.plot.measurement` draws data
-        of other kinds, which are not among them.
-        """
+        """The model's values, shape (k,), V: all peaks, then the points of the sweep."""
         return self._compared(1)
 
     @property
@@ -330,7 +326,7 @@ class Valued(HtmlText, ABC):
 
     @property
     def fitted_values(self) -> dict[str, float]:
-        """Values of all parameters by name, those of single experiments and open ones, too."""
+        """Values of all parameters by name, also undetermined and single experiments' ones."""
         record = self.inferred
         if not isinstance(record, InferenceRecord):  # of a file
             return self.result.fitted_values
@@ -339,7 +335,7 @@ class Valued(HtmlText, ABC):
 
     @property
     def status(self) -> str:
-        """How it ended: "converged", or another word of `fitting.fit.fit.Status`."""
+        """How it ended: "converged", or another `fitting.fit.fit.Status`."""
         return self.inferred.status
 
     @property
@@ -349,17 +345,17 @@ class Valued(HtmlText, ABC):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences that a reader must know."""
+        """Findings that require action, in sentences."""
         return warning_sentences(self.inferred.findings)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What a reader must know as records: kind, severity, subject, numbers."""
+        """Findings as records: kind, severity, subject, numbers."""
         return self.inferred.findings
 
     @cached_property
     def result(self) -> Result:
-        """Everything as the one record that `result.json` holds.
+        """The record that `result.json` holds.
 
         Raises:
             BadInput: the model is no FMU.
@@ -450,7 +446,7 @@ class Fit(Valued):
 
     @cached_property
     def inferred(self) -> InferenceRecord:
-        """All values with linearised errors, as records."""
+        """Values with linearised errors, as records."""
         options = InferenceOptions(units=self._units)
         return infer(self.record, options, profiles=False, sweeps=self._sweeps)
 
@@ -466,21 +462,17 @@ class Fit(Valued):
 
     @property
     def seconds(self) -> float:
-        """What planning and search took, s."""
+        """Duration of planning and search, s."""
         return self._taken
 
     @property
     def success(self) -> bool:
-        """Whether no linearised step promises a decrease of chi square."""
+        """Whether no linearised step decreases χ²."""
         return self.record.status is Status.CONVERGED
 
     @property
     def x(self) -> FloatArray:
-        """The most likely parameters within their bounds, shape (n,), in their units.
-
-        Also where the data leave a parameter open, as ``fit["name"].value`` does not. Where
-        Algorithm 2 ended is ``fit["name"].algorithm2``.
-        """
+        """The most likely parameters, shape (n,), in their units."""
         return self.record.x
 
     @property
@@ -500,12 +492,12 @@ class Fit(Valued):
 
     @property
     def path(self) -> tuple[HistoryRow, ...]:
-        """Algorithm 2: its start (level -1), then a row for every nu; empty if not asked for."""
+        """Algorithm 2: its start (level -1), then a row for every ν; empty without it."""
         return self.record.path
 
     @property
     def global_path(self) -> tuple[HistoryRow, ...]:
-        """The same of the least J at every nu that a multistart comes by."""
+        """The same with the least J of a multistart at every ν."""
         return self.record.global_path
 
 
@@ -539,12 +531,12 @@ class Inference(Valued):
 
     @property
     def record(self) -> InferenceRecord:
-        """All that was inferred."""
+        """The inference as a record."""
         return self.fit.inferred if isinstance(self._inferred, Result) else self._inferred
 
     @property
     def inferred(self) -> Inferred:
-        """All values with intervals, verdicts and warnings, as records."""
+        """Values with intervals, statuses and findings, as records."""
         return self._inferred
 
     @property
@@ -554,17 +546,17 @@ class Inference(Valued):
 
     @property
     def seconds(self) -> float:
-        """What planning, search and profiles took, s."""
+        """Duration of planning, search and profiles, s."""
         return self._seconds
 
     @property
     def profiled(self) -> bool:
-        """Whether every profile was scanned that was asked for; see `warnings` where not."""
+        """Whether every requested profile was scanned; else see `warnings`."""
         return all(finding.kind is not Kind.profiles_missing for finding in self.findings)
 
     @property
     def knowledge(self) -> Knowledge | None:
-        """Profiles, directions, other minima; None where the profiles failed: see `warnings`."""
+        """Profiles, directions, other minima; None: profiles failed, see `warnings`."""
         return self.inferred.knowledge
 
 

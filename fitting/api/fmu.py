@@ -132,8 +132,8 @@ class Fmu:
             the first that the FMU offers.
         native: Whether a model of this project is compiled from C, if there is a compiler: the same
             numbers, faster.
-        output_delay_steps: Communication steps by which outputs come late, at least 0: they are read
-            so much later (co-simulation).
+        output_delay_steps: Communication steps by which outputs come late, at least 0: they are
+            read so much later (co-simulation).
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
@@ -198,12 +198,12 @@ class Fmu:
 
     @property
     def variables(self) -> Mapping[str, FmuVariable]:
-        """Its variables by name, in the order of the modelDescription."""
+        """Its variables by name."""
         return self.description.variables
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """The different warnings that it logged."""
+        """Its different logged warnings."""
         return self.workers.warnings
 
     def simulate(
@@ -389,7 +389,7 @@ class Fmu:
         return written(out, "sweep", SWEEP_FILES, lambda to: write_sweep(result, description, to))
 
     def close(self) -> None:
-        """End the worker processes; a later run starts them again."""
+        """End the worker processes until the next run."""
         self.workers.close()
 
     def __enter__(self) -> Fmu:

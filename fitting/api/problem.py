@@ -142,7 +142,7 @@ class Problem:
 
     @classmethod
     def answered_by(cls, respond: Respond, record: Record) -> Problem:
-        """A problem whose model is another program than an FMU.
+        """A problem whose model is no FMU.
 
         Args:
             respond: Makes the `fitting.measurements.measurement.Response` of one alternative.
@@ -167,10 +167,10 @@ class Problem:
         self.density = Density(record.parameters, record.data)
 
     def with_alternative(self, number: int) -> Problem:
-        """The same problem, whose functions are those of another alternative.
+        """The same problem with the functions of another alternative.
 
         Args:
-            number: Place in ``record.alternatives``, from 0.
+            number: In ``record.alternatives``, from 0.
 
         Raises:
             BadInput: there is no such alternative.
@@ -201,11 +201,11 @@ class Problem:
 
     @property
     def unknown_noise(self) -> int:
-        """Number of rows whose noise is not known."""
+        """Number of rows of unknown noise."""
         return int(np.sum(~self.density.known))
 
     def part(self, settings: Mapping[str, Scalar]) -> Problem:
-        """The same problem with only what was measured at these settings.
+        """The same problem with only the measurements at these settings.
 
         Args:
             settings: Values of control quantities or FMU variables by name, in the unit in which
@@ -237,11 +237,11 @@ class Problem:
 
     @cached_property
     def planned(self) -> PlannedFmu:
-        """The FMU with its plan: settling, windows, solver, as measured at the first use."""
+        """The FMU with its plan, made at the first use."""
         return plan_problem(self.record, self.fmu.workers)
 
     def planned_as(self, planned: PlannedFmu) -> Problem:
-        """The same problem, its FMU by another plan.
+        """The same problem by another plan.
 
         Args:
             planned: The FMU with that plan.
@@ -268,24 +268,24 @@ class Problem:
 
     @cached_property
     def objective(self) -> Objective:
-        """The model next to the data, with the steps of its Jacobian."""
+        """The model next to the data."""
         record = self.record
         response = self.respond(record.alternatives[self._alternative])
         return make_objective(response, record.parameters, record.data)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, n of them, in the order of p."""
+        """Names of the n parameters, in the order of p."""
         return names(self.record.parameters)
 
     @property
     def start(self) -> FloatArray:
-        """Where a search begins, shape (n,), in the parameters' units."""
+        """Start of the search, shape (n,), in the parameters' units."""
         return starts(self.record.parameters)
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper ends of the box, shape (n,) each, in the parameters' units."""
+        """Lower and upper bounds, shape (n,) each, in the parameters' units."""
         return bounds(self.record.parameters)
 
     def to_search(self, p: npt.ArrayLike) -> FloatArray:
@@ -305,7 +305,7 @@ class Problem:
         return to_model(self.record.parameters, self._checked(x))
 
     def residuals(self, p: npt.ArrayLike) -> FloatArray:
-        """Residual rows r, shape (..., m): relative to the peak, or to a sweep's maximum.
+        """Residual rows r, shape (..., m), over the peak, or a sweep's maximum.
 
         Args:
             p: Parameters, shape (..., n), in their units.
@@ -318,7 +318,7 @@ class Problem:
         return rows.reshape(*table.shape[:-1], rows.shape[-1])
 
     def jac(self, p: npt.ArrayLike) -> FloatArray:
-        """dr/dp, shape (..., m, n), one over the parameters' units, by central differences.
+        """dr/dp, shape (..., m, n), by central differences.
 
         Args:
             p: Parameters, shape (..., n), in their units, within bounds.
@@ -336,7 +336,7 @@ class Problem:
         return np.asarray(scaled.reshape(*table.shape[:-1], *scaled.shape[-2:]))
 
     def logl(self, p: npt.ArrayLike) -> FloatArray:
-        """ln L, shape (...): rows of known noise as a Gaussian, of unknown noise as Student's t.
+        """ln L, shape (...): Gaussian for known noise, Student's t for unknown.
 
         Args:
             p: Parameters, shape (..., n), in their units.

@@ -467,9 +467,9 @@ class WrittenAssumption(Keys):
     """
 
     that: Text
-    """What is assumed, as "the pump does not modulate lambda^2"."""
+    """The assumption, as "the pump does not modulate lambda^2"."""
     otherwise: Text
-    """What might be instead, in words, as "p12 = 5 % of p11"."""
+    """The alternative in words, as "p12 = 5 % of p11"."""
     quantity: Text | None = None
     """A constant of the laws, or a variable of the FMU that is not fitted."""
     value: Value | None = None

@@ -120,8 +120,8 @@ class Laws:
         ff.Laws({"f1": "a0 + a1*V", "f2": "b0"})
 
     Args:
-        formulas: By variable of the FMU: numbers, names, pi, + - * / ** and sqrt, exp, log, cos,
-            sin, tan, acos, asin, atan.
+        formulas: By variable: numbers, names, pi, + - * / ** and sqrt, exp, log, cos, sin, tan,
+            acos, asin, atan.
         constants: Numbers that formulas name: plain, or with a unit as "1 H".
         source: Their name in errors.
         bound: The same with all units, next to an FMU.

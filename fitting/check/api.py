@@ -67,8 +67,8 @@ def check(
     Args:
         fmu: The FMU, its path, or a model of this project.
         campaign: A campaign for it, whose start values are used.
-        step_s: Trial step, s, above zero; None: the FMU's, four of its solver's fixed steps, else by
-            its response, else 1 ms.
+        step_s: Trial step, s, above zero; None: the FMU's, four of its solver's fixed steps, else
+            by its response, else 1 ms.
 
     Returns:
         ``sound``; ``findings`` by severity, ``failure`` and ``unsuited``; what was tried and

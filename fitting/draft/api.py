@@ -63,17 +63,16 @@ def init(
     Of an FMU alone it is a skeleton, which ends with what is missing.
 
     Args:
-        files: Sweeps; or a table of experiments with peaks or spectra, and a sweep; or a map of
-            spectra over a control in one table; or ringdowns, or, for a named FMU, recordings over
-            time. One may be the FMU (.fmu).
-        fmu: An FMU's path or a model of this project; None: one mode, or two for a sweep with two
-            lines and for a map.
+        files: Sweeps; a table of experiments with peaks or spectra, and a sweep; a map of spectra
+            over a control; ringdowns; or, with ``fmu``, recordings over time. One may be the FMU
+            (.fmu).
+        fmu: Its path, or a model of this project; None: one mode, or two for two lines and for a
+            map.
         out: Folder for campaign.toml, made where there is none.
         columns: Of the files, what they do not state.
-        told: Choices: "output", "tone", "input", "fit" (several), "amplitudes" ("peak", "rms"),
-            "kind" (of amplitudes over frequency: "noise", "sweep"), "interface" ("co-simulation",
-            "model-exchange"), "control" of several files: its name, or with values in their order,
-            as "Vg=-6:6:1".
+        told: Choices by name: "output", "tone", "input", "fit" (several), "amplitudes" ("peak",
+            "rms"), "kind" ("noise", "sweep"), "interface", "control" of several files, as "Vg" or
+            "Vg=-6:6:1".
         ask: Asks a person for further choices; None: defaults are used and reported.
 
     Returns:

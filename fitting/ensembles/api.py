@@ -87,9 +87,8 @@ def ensemble(
             tables with a column "campaign".
         fmu: The FMU of all items, a model's name or a path; None: each item's.
         options: How each item is fitted; None: as its campaign states, with all profiles.
-        executor: A number of processes (None: one per processor, up to 8), the address of a dask
-            scheduler as "tcp://10.0.0.1:8786", which gets the FMU to its workers, or an executor
-            whose workers have the files.
+        executor: A number of processes (None: one per processor, up to 8), a dask scheduler as
+            "tcp://10.0.0.1:8786", or an executor whose workers have the files.
         out: Folder for finished items; None: nothing is written.
         progress: Called after every item.
 

@@ -105,11 +105,10 @@ def synthesize(
     Steady amplitudes are by phasors, with cubic terms by harmonic balance.
 
     Args:
-        truth: "q1", "q2" (the paper's series), "duffing" (nonlinear), "pumped" (swept under a
-            parametric pump), "string_pumped" (pumped at the distance of the modes and at half of
-            it), a kind of `synthesize_curves`, a bench or curve, or the path of a synthetic
-            campaign or its truth.toml. Of a plan of sweeps "pumped", "crossing" or the path of such
-            a campaign, of tones at values of a control a path.
+        truth: "q1", "q2" (the paper's series), "duffing", "pumped" (swept under a pump),
+            "string_pumped", a kind of `synthesize_curves`, a bench or curve, or the path of a
+            synthetic campaign or its truth.toml. Of a plan of sweeps "pumped", "crossing" or a
+            path, of tones at values of a control a path.
         seed: Of all noise, at least 0; the same seed gives the same numbers.
         instrument: How the series is read; None: the bench's.
         plan: A campaign proposed by `fmu-fit design` that is measured.

@@ -405,9 +405,9 @@ class ComplexControlSweepTable(ControlTable, ComplexKeys):
 
     file: FileName
     """A row for each point: controls, frequency, X and Y (or Re and Im, amplitude and phase, dB and
-    phase); or for each sweep: controls, and the name of its file in the column file."""
+    phase); or for each sweep: controls, and its file in the column file."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
-    """Format of the sweeps' own files; without it recognised."""
+    """Format of the instrument; without it recognised."""
 
     def __post_init__(self) -> None:
         self.check()

@@ -305,9 +305,9 @@ class ControlSweepTable(ControlTable):
     TABLE: ClassVar[str] = "control_sweep"
 
     file: FileName
-    """A row for each point: controls, frequency, amplitude (or usual names, as f and R); or for
-    each spectrum: controls, and the name of its file in the column file; or amplitudes of each
-    value of one control: a column headed as "V=1.2 V", or a row below a head of frequencies."""
+    """A row for each point: controls, frequency, amplitude; or for each spectrum: controls, and its
+    file in the column file; or amplitudes of each value of one control: a column headed as "V=1.2
+    V", or a row below a head of frequencies."""
     amplitude: Annotated[
         Text, Missing('wanted "V peak", "V rms", "dBm" or "dB"; files do not state which they mean')
     ]
@@ -316,7 +316,7 @@ class ControlSweepTable(ControlTable):
     impedance: Annotated[float | None, Quantity("ohm")] = None
     """Required with dBm, and only there."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
-    """Format of the spectra's own files; without it recognised."""
+    """Format of the instrument; without it recognised."""
     columns: WrittenSpectrumColumns = field(default_factory=WrittenSpectrumColumns)
     """Columns of other than the usual names, with unit as "X1 (mV)" if the file states none."""
     sigma: Value | None = None
