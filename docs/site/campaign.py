@@ -39,8 +39,11 @@ def page() -> str:
     shared = {key: text for (key, text), number in reversed(count.most_common()) if number > 1}
     listed = {key: text for key, text in count if shared.get(key) == text}
     parts = [INTRODUCTION, _listed(keys.pop(())), SHARED, _listed(listed)]
+    first = dict[tuple[str, str], str]()
     for place, entries in keys.items():
         table, name = tables[place], ".".join(place)
+        for entry in entries.items():
+            first.setdefault(entry, name)
         parts.append(f"## `[[{name}]]`" if table["is_repeated"] else f"## `[{name}]`")
         parts.append(escaped(_line(table.get("description", "").partition("\n\n")[0])))
         if isinstance(free := table.get("additionalProperties"), dict):
@@ -49,7 +52,11 @@ def page() -> str:
             parts.append(
                 f"{'Other keys' if entries else 'Keys'} are names: {_wanted(free)}{shown}."
             )
-        parts.append(_listed({k: text for k, text in entries.items() if shared.get(k) != text}))
+        own = {k: text for k, text in entries.items() if shared.get(k) != text}
+        before = {k: first[k, text] for k, text in own.items() if first[k, text] != name}
+        parts.append(
+            _listed({k: f": as of `[{before[k]}]`." if k in before else own[k] for k in own})
+        )
         more = [code(key) for key, text in entries.items() if shared.get(key) == text]
         parts.append(f"Also {', '.join(more)}." if more else "")
     return "\n\n".join(part for part in parts if part)
@@ -102,8 +109,11 @@ def _keys(
             continue
         elif inner := value.get("properties"):
             kind = "table"
-            text += " " + "; ".join(f"`{k}`: {_line(v['description'])}" for k, v in inner.items())
-            text = text.replace(".; ", "; ")
+            columns = (
+                f"`{k}`: {_line(v['description']).removeprefix('Column of ')}"
+                for k, v in inner.items()
+            )
+            text += " " + "; ".join(columns).replace(".; ", "; ")
         else:
             word = _wanted(value["additionalProperties"])
             kind = f"table of {PLURAL.get(word, word)} by name"

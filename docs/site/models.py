@@ -64,7 +64,10 @@ def _lists(model: FmuDescription, described: dict[str, str]) -> Iterator[str]:
 def _facts(group: Sequence[FmuVariable]) -> str:
     """Unit, start values and range of variables that mean alike, in brackets."""
     first = group[0]
-    starts = dict.fromkeys(str(variable.start).lower() for variable in group)
+    values = [variable.start for variable in group]
+    starts = dict.fromkeys(
+        f"{value:.12g}" if isinstance(value, float) else str(value).lower() for value in values
+    )
     least, most = first.min, first.max
     if most is not None:
         extent = f"{least:g} to {most:g}"
