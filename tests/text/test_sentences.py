@@ -46,3 +46,14 @@ def test_notes_are_no_warnings_and_nothing_is_said_twice() -> None:
 def test_what_a_block_needs_and_does_not_have_is_an_error() -> None:
     with pytest.raises(Exception, match="error"):
         sentence(Finding(kind=Kind.not_periodic, severity="warning", subject="x"))
+
+
+def test_starts_that_differ_are_listed_by_their_keys() -> None:
+    found = Finding(
+        kind=Kind.starts_differ,
+        severity="note",
+        subject="theta",
+        numbers={"start_one": 1.5, "start_other": 2.0},
+        names={"keys": ("start",), "campaigns": ("q1", "q2")},
+    )
+    assert sentence(found).startswith("'theta' has start 1.5 and 2 in q1 and q2")
