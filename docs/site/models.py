@@ -20,22 +20,32 @@ What the models of this project declare in their `modelDescription.xml`, with un
 range; an FMU with other numbers of modes (`python build_fmu.py --model CoupledModes --modes 3`) has
 the variables of `CoupledModes2` for each mode and pair. What several variables mean alike is
 described of the first one. [The model](../explanation/model.md) has the equations."""
+#: Words of a description that is repeated.
+SHORT = 10
 #: What differs between variables that mean alike: numbers, and the signs of two modes.
 DIFFERENT = re.compile(r"readout(?!\d)|q\d+_hybrid|q\d+|\d+|plus|minus")
 
 
 def page() -> str:
     """The page: parameters, inputs and outputs of each model."""
-    parts, described = [INTRODUCTION], dict[str, str]()
+    parts, described, forms = [INTRODUCTION], dict[str, str](), dict[str, str]()
     with tempfile.TemporaryDirectory() as folder:
         for name in MODELS:
             model = read_description(build_fmu.build(name, Path(folder)))
-            parts += [f"## {name}", escaped(model.description), *_lists(model, described)]
+            parts += [f"## {name}", escaped(model.description), *_lists(model, described, forms)]
     return "\n\n".join(parts)
 
 
-def _lists(model: FmuDescription, described: dict[str, str]) -> Iterator[str]:
-    """Variables by causality; of those that an earlier model describes the names alone."""
+def _lists(
+    model: FmuDescription, described: dict[str, str], forms: dict[str, str]
+) -> Iterator[str]:
+    """Variables by causality; of those that an earlier model describes the names alone.
+
+    Args:
+        model: whose variables.
+        described: facts and descriptions by name, of earlier models; is added to.
+        forms: the first variable of each description but for numbers and modes; is added to.
+    """
     earlier = dict(described)
     for causality, title in TITLES.items():
         alike = dict[tuple[str, ...], list[FmuVariable]]()
@@ -50,11 +60,13 @@ def _lists(model: FmuDescription, described: dict[str, str]) -> Iterator[str]:
             described[variable.name] = text
             form = (DIFFERENT.sub("#", variable.name), DIFFERENT.sub("#", variable.description))
             alike.setdefault(form, []).append(variable)
-        lines = [
-            f"- {', '.join(code(v.name) for v in group)}{_facts(group)}: "
-            f"{escaped(group[0].description)}"
-            for group in alike.values()
-        ]
+        lines = []
+        for form, group in alike.items():
+            first = forms.setdefault(form[1], group[0].name)
+            text = escaped(group[0].description)
+            if first != group[0].name and len(text.split()) > SHORT:
+                text = f"as {code(first)}"
+            lines.append(f"- {', '.join(code(v.name) for v in group)}{_facts(group)}: {text}")
         lines += [f"- {', '.join(names)}: as above"] if names else []
         if lines:
             yield f"{title}:"

@@ -21,9 +21,9 @@ INTRODUCTION = """\
 Everything that the commands do is in `import fitting as ff`. Nothing else is promised. Wrong input
 raises `BadInput`, an FMU that fails `FmuFailure`: `help(ff.fit)` lists when. An argument is
 described where it comes first, or by the key of its name in [campaign.toml](campaign.md) or the
-option in [Commands](commands.md); `help` describes it everywhere, and those of methods and plots. A
-default shows the type, and is not listed where the text names it (None, empty). Fields of records
-that are returned are those of [Files of results](results.md)."""
+option in [Commands](commands.md); `help` describes it everywhere, with its type, and those of
+methods and plots. A default that the text names (None, empty) is not listed. Fields of records that
+are returned are those of [Files of results](results.md)."""
 #: Tables of campaign.toml whose keys mean what arguments of these names mean.
 TABLES = {
     "ComplexCurve": "complex_sweep",
@@ -59,6 +59,8 @@ OPTIONS = {
 UNIT = re.compile(r"_(s|hz)$")
 #: Classes whose properties and methods are listed; `help` has those of the others.
 WITH_MEMBERS = ("Problem", "Fmu", "Value", "Fit", "Inference")
+#: Returned as the type states it.
+FILES = "The files."
 #: Words of an argument's description from which it is not repeated.
 REPEATED = 4
 
@@ -92,7 +94,7 @@ def _described(name: str, value: Any, described: dict[tuple[str, str], str]) -> 
         yield "\n".join(f"- `{key}`: {text}" for key, text in sections.get("Attributes", ()))
     if not inspect.isclass(value):
         kind = _type(inspect.signature(value).return_annotation)
-        text = "".join(f": {text}" for _, text in sections.get("Returns", ()))
+        text = "".join(f": {text}" for _, text in sections.get("Returns", ()) if text != FILES)
         yield f"Returns `{kind}`{text or '.'}" if kind != "None" else ""
     elif value.__name__ in WITH_MEMBERS:
         yield "With:"
@@ -174,18 +176,13 @@ def _keys() -> dict[str, frozenset[str]]:
 
 
 def _argument(parameter: inspect.Parameter, text: str) -> str:
-    """An argument with its type, or a default that shows it, and its description."""
-    usual, kind = parameter.default, _type(parameter.annotation)
-    is_named = (usual is None and "None: " in text) or (
-        usual in ("", ()) and re.search("(empty|none): ", text)
-    )
-    if usual is None or is_named:
-        kind = f": {kind.removesuffix(' | None')}{'' if is_named else f' = {usual!r}'}"
-    elif usual is parameter.empty or re.match(r"<factory>|<class |<function ", repr(usual)):
-        kind = f": {kind}{'' if usual is parameter.empty else ' = ...'}"
-    else:
-        kind = ("" if type(usual).__name__ == kind else f": {kind}") + f" = {usual!r}"
-    return f"- `{parameter.name}{kind}`: {text}"
+    """An argument with its public type, a default that the text does not name, and the text."""
+    usual, kind = parameter.default, _type(parameter.annotation).removesuffix(" | None")
+    is_public = any(word in fitting.__all__ for word in re.findall(r"[A-Z]\w+", kind))
+    is_made = usual is parameter.empty or re.match(r"<factory>|<class |<function ", repr(usual))
+    is_named = usual is None or (usual in ("", ()) and re.search("(empty|none): ", text))
+    shown = "" if is_made or is_named else f" = {usual!r}"
+    return f"- `{parameter.name}{f': {kind}' if is_public else ''}{shown}`: {text}"
 
 
 def _type(annotation: Any) -> str:

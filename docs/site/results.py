@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import functools
+import re
 import types
 import typing
 from collections import Counter
@@ -32,7 +33,7 @@ INTRODUCTION = """\
 `reconstruct` writes `result.json`, `identify` writes `identify.json`, `design` writes
 `design.json`, or `ways.json` where kinds are compared, `posterior` writes `posterior.json`: the
 records below, key by key. A number that does not exist is `null`, an infinite one `"inf"`; numbers
-keep all their digits. What a key holds is in brackets, where it is no number.
+keep all their digits. Brackets name the records that keys hold, or the words.
 [result.schema.json](result.schema.json) has all of result.json as a JSON Schema,
 [Files under `--out`](files.md) lists what else is written, [Findings](findings.md) every kind of
 finding, and [What the data determine](../explanation/what-data-determine.md) explains the
@@ -143,10 +144,11 @@ def _described(record: type[Any]) -> Iterator[str]:
     }
     hints = typing.get_type_hints(record)
     base = _base(record)
-    lines = [f"All keys of {_word(base)}, and:"] if base else []
+    lines = [f"Keys of {_word(base)}, and:"] if base else []
     by_kind = dict[str, list[str]]()
     for field in _own(record):
         kind = _word(hints[field.name])
+        kind = kind if re.search(r'\]\(|"', kind) else ""  # of plain values the names are enough
         if text := words.get(field.name):
             lines.append(f"- `{field.name}`{_in_brackets(kind)}: {escaped(text)}")
         elif f"`{field.name}`" not in prose or "](#" in kind:
@@ -155,13 +157,13 @@ def _described(record: type[Any]) -> Iterator[str]:
         yield "\n".join(lines).replace("and:\n", "and:\n\n")
     rest = "; ".join(f"{', '.join(names)}{_in_brackets(kind)}" for kind, names in by_kind.items())
     if base and not lines[1:]:
-        yield f"All keys of {_word(base)}{', and ' * bool(rest)}{rest}."
+        yield f"Keys of {_word(base)}{', and ' * bool(rest)}{rest}."
     elif rest:
         yield f"{'Also' if lines or '`' in prose else 'Keys:'} {rest}."
 
 
 def _in_brackets(kind: str) -> str:
-    return "" if kind == "number" else f" ({kind})"
+    return f" ({kind})" if kind else ""
 
 
 def _word(kind: Any) -> str:

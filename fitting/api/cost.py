@@ -30,9 +30,9 @@ class Cost(HtmlText):
     """Expected cost of a fit with its profiles on this machine.
 
     ``expected`` has evaluations by part; ``evaluations``, ``runs`` and ``seconds`` are least and
-    most of the whole. The plan took ``planning_runs`` and ``planning_s``; an evaluation of a
-    Jacobian took ``runs_each`` and ``seconds_each`` with ``workers`` processes and at most
-    ``memory_bytes`` (NaN: unknown).
+    most. The plan took ``planning_runs`` and ``planning_s``, an evaluation of a Jacobian
+    ``runs_each`` and ``seconds_each`` with ``workers`` processes and ``memory_bytes`` (NaN:
+    unknown).
     """
 
     expected: Expected

@@ -121,13 +121,11 @@ class Fmu:
 
     Args:
         source: Path of an FMU (FMI 2.0 or 3.0), or a model of this project, as "CoupledOscillator".
-        workers: Processes, at least 1; they start at the first run or with a ``with`` block, and
-            end with it, with `close` or with this object.
+        workers: Processes, at least 1, from the first run, or in a ``with`` block, until `close`.
         timeout_s: Longest run, s; then the FMU has failed.
         timeout_name: Name of that time in errors.
-        isolate: Whether runs have limits of memory, processor time, open files and written bytes, a
-            folder of their own and no network; "strict": an error where the system cannot enforce
-            all; or an `Isolation`.
+        isolate: Whether runs have limits of memory, time and files, and no network; "strict": an
+            error where the system cannot enforce all; or an `Isolation`.
         interface: "co-simulation" or "model-exchange", whose equations are integrated here; None:
             the first that the FMU offers.
         native: Whether a model of this project is compiled from C, if there is a compiler: the same

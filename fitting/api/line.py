@@ -270,10 +270,10 @@ def ringdown(
 ) -> Ringdown:
     """One resonance of a free decay: frequency, FWHM, quality factor and decay time, with errors.
 
-    Of samples of the motion, complex values of a demodulator, or amplitudes, which determine no
-    frequency. The begin of the decay and a constant are fitted; a second line and a frequency or
-    damping linear in the squared amplitude are looked for (`fitting.lines.ringdown`). Errors are
-    from the scatter and correlation of the residuals.
+    Of samples, complex values of a demodulator, or amplitudes, which determine no frequency. The
+    begin of the decay and a constant are fitted; a second line and a dependence on the squared
+    amplitude are tested (`fitting.lines.ringdown`). Errors are from the scatter and correlation of
+    the residuals.
 
     Args:
         source: A file; or times, evenly spaced, shape (n,), s.

@@ -95,12 +95,12 @@ class Drive:
     """How tones drive the FMU: by parameters of its own, or through an input; else none do.
 
     Args:
-        frequency_names: Parameters of the FMU for the frequencies, one per tone.
-        amplitude_names: Parameters for the amplitudes, one per tone.
+        frequency_names: Parameters of the FMU for frequencies, one per tone.
+        amplitude_names: Parameters for amplitudes, one per tone.
         input: The driven input instead.
         amplitude: Of every tone, in the unit of ``amplitude_names`` or ``input``.
         samples_per_period: Held values of ``input`` per period.
-        frequency_unit: Of ``frequency_names``, where the FMU declares none; empty: the FMU's.
+        frequency_unit: Of ``frequency_names``; empty: the FMU's.
         highest_order: Highest order of combinations of tones in the response.
 
     Raises:
@@ -159,9 +159,9 @@ class Setup:
         output: The observed variable.
         start_values: Start values of every run by variable, none of them fitted.
         steady_start: Whether the FMU starts on its periodic orbit, without settling.
-        line_width_hz: FWHM of the narrowest line, Hz, for the settling time.
+        line_width_hz: FWHM of the narrowest line, Hz, for settling.
         accuracy: Relative accuracy of simulated amplitudes, in (0, 1).
-        annotation: The FMU's accuracy, and what it may leave out.
+        annotation: The FMU's accuracy and reductions.
         laws: Formulas that variables of the FMU follow.
         source: Its name in errors.
     """

@@ -85,8 +85,7 @@ class WrittenFmu(Keys):
     timeout_s: Positive = 60.0
     """Longest run, s; then the FMU has failed."""
     output_delay_steps: WholeNumber = 0
-    """Communication steps by which outputs come late, as named by `fmu-fit check`: they are read so
-    much later (co-simulation)."""
+    """Communication steps by which outputs come late (see `fmu-fit check`); co-simulation only."""
     start: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the FMU."""
     taken: Texts = ()
@@ -133,8 +132,8 @@ class WrittenDrive(Keys):
     read: Texts | None = None
     """Lines whose peaks are compared, as "2*u1 - u2"; without it the tones."""
     order: Count | None = None
-    """Up to this order sampling separates combinations of the tones from the lines that are read;
-    without it 1, or 9 if read has a combination."""
+    """Order of tone combinations that sampling separates from the lines; without it 1, or 9 if read
+    has a combination."""
 
     def __post_init__(self) -> None:
         own = "amplitudes" if self.kind == "tones" else "input"
@@ -269,8 +268,8 @@ class WrittenExperiments(WrittenTrace):
     y: Texts = ()
     """Columns of Y, the imaginary part."""
     unknown: Annotated[Text | None, OneOf(UNKNOWN), Usually("phase")] = None
-    """(phases) solved for: "phase": one reference phase for all experiments; "gain": one complex
-    gain; "none": phases are those of the drive."""
+    """(phases) solved for: one reference "phase" or complex "gain"; "none": phases are those of the
+    drive."""
     restarted: Texts = ()
     """(phases) labels of experiments before which the instrument was restarted, with a new
     reference phase."""
@@ -348,16 +347,16 @@ class WrittenSweep(WrittenTrace):
     set: Mapping[str, Value] = field(default_factory=dict)
     """FMU variables during the sweep."""
     set_sigma: Mapping[str, Value] = field(default_factory=dict)
-    """(use = "fit") Standard deviations of values in set, as { eta = "0.2 Hz" }: an offset of each
-    is fitted, as of variables in [drift]; others are exact."""
+    """(use = "fit") Standard deviations of values in set: an offset of each is fitted, as of
+    variables in [drift]."""
     use: Annotated[Text, OneOf(("scale", "fit"))] = "scale"
     """"scale": for the scale only; "fit": each point is a residual row, too."""
     scale: Annotated[Text, OneOf(SCALES)] = "maximum"
-    """From simulated to measured amplitudes: "maximum": ratio of maxima; "fit": least squares;
-    "robust": Huber's estimate; "free": a fitted ln_scale; "none": 1."""
+    """From simulated to measured amplitudes: ratio of maxima ("maximum"), least squares ("fit"),
+    Huber's estimate ("robust"), fitted ln_scale ("free"), 1 ("none")."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
-    """Of the line fit to the sweep: "none" or a "complex" constant; with use = "fit" solved
-    together with the FMU: "offset", added to amplitudes, or "slope", linear in frequency."""
+    """Of the line fit: "none" or a "complex" constant; with use = "fit" also of the FMU: "offset"
+    of amplitudes, or "slope", linear in frequency."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -406,16 +405,15 @@ class WrittenDrift(Keys):
     ends: Mapping[str, DriftEnds] = field(default_factory=dict)
     """Values before and after the series."""
     model: Annotated[Text, OneOf(DRIFT_MODELS)] = "linear"
-    """"linear" between before and after; "offsets": with a fitted offset per experiment; "walk":
-    with a random walk."""
+    """"linear" between before and after; "offsets" per experiment or a random "walk" are fitted in
+    addition."""
     prior: Value | None = None
     """Standard deviation of an offset, or of a step of the walk."""
     share: Annotated[Switch | None, Usually(True)] = None
-    """One offset for all drifting variables, or one each; without it one in an experiment, one each
-    in a fitted sweep."""
+    """One offset for all drifting variables; without it one in an experiment, one each in a fitted
+    sweep."""
     time: Text = ""
-    """Column of times of the experiments (numbers with a unit, or ISO dates); without it they are
-    evenly spaced."""
+    """Column of times (numbers with a unit, or ISO dates); without it evenly spaced."""
     before_time: Value | None = None
     """Time of the values before; without it the first experiment's."""
     after_time: Value | None = None
@@ -508,7 +506,7 @@ class Schedule(Keys):
     """Stop when ||x_(l+1) - x_l|| + |J_fit - J_reg| falls to it."""
     starts: Repeats = 3
     """Different minima to find, from the campaign's start and the lowest points of a search within
-    the bounds; repeated ones and those where J is flat are not counted. 1: no search."""
+    the bounds. 1: no search."""
     seed: WholeNumber = 1
     """Of the search."""
     iterations: Repeats = 9
@@ -528,8 +526,8 @@ class ContinuationSettings(Schedule):
     """Algorithm 2: its weights ν, tolerance, misfit and starts; whose estimate is reported."""
 
     misfit: Annotated[Text, OneOf(MISFITS)] | None = None
-    """What is summed: "slack": |r| with slack variables; "absolute": |r| as written; "squares":
-    r^2. Without it "squares" with a trace, else "slack"."""
+    """"slack": |r| with slack variables; "absolute": |r|; "squares": r^2. Without it "squares" with
+    a trace, else "slack"."""
     estimator: Annotated[Text, OneOf(ESTIMATORS)] = LIKELIHOOD
     """Of the reported value: "likelihood", or "algorithm2" at the last nu; errors are the
     likelihood's."""
@@ -612,13 +610,12 @@ class WrittenDesign(Keys):
     repeats: Positives | None = None
     """Numbers of spectra averaged with their phases to try."""
     noise_floor: Value | None = None
-    """Of a peak in one spectrum, a point of a sweep, a sample of a trace, or each quadrature, as
-    "0.18 uV"; without it the campaign's."""
+    """Of a peak in one spectrum, a point, a sample, or each quadrature, as "0.18 uV"; without it
+    the campaign's."""
     relative_noise: Annotated[Number | None, Usually(0.01)] = None
     """Noise of a peak as a share of it, which averaging does not lower."""
     phases: Switch | None = None
-    """Whether phases are measured, against an unknown reference phase; without it as in the
-    campaign's experiments."""
+    """Whether phases are measured, against an unknown reference; without it as in the campaign."""
     largest: Value | None = None
     """Largest amplitude of the detector; without it twice the largest measured."""
     number: Annotated[Repeats | None, Usually(6)] = None

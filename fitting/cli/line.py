@@ -83,8 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ),
         "--from": value(
             'first frequency, as "30.26 kHz", or time of a ringdown, as "2 ms" (a number '
-            "alone is in Hz or s; an error outside of the file, if it is inside with a "
-            "prefix)",
+            "alone is in Hz or s)",
             "F",
             dest="low",
         ),

@@ -170,15 +170,14 @@ class Limits:
         both_sides: Whether tones of a measurement are on both sides of the resonance.
         levels: Factors on the campaign's drive level.
         repeats: Numbers of averaged spectra.
-        noise_floor_v: Noise of a peak in one spectrum, in the detector's unit.
+        noise_floor_v: Of a peak in one spectrum, in the detector's unit.
         relative_noise: Share of a peak, not lowered by averaging.
         largest_v: Largest proposed amplitude, in the detector's unit.
         settings: Values of further FMU parameters to try, in their units.
-        setting_sigmas: Errors of quantities that drift, in the FMU's unit: common to the tones of
-            an experiment.
+        setting_sigmas: Errors of quantities that drift, in the FMU's unit, common to an experiment.
         number: Most measurements, 1 to 50.
         tones: Driven at once, 1 or 2.
-        lines: Combinations of the tones that are read; empty: the tones.
+        lines: Combinations of tones that are read; empty: the tones.
         phases: Whether phases are measured, against an unknown reference phase.
         sweeps: Sweeps around a single centre instead of tones; None: tones.
         traces: Recordings over time instead of tones, with noise ``noise_floor_v``, 0: that of the

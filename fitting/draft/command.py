@@ -33,10 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         default=[],
         metavar="FILE",
-        help="sweeps or noise spectra; or a table of experiments, its spectra, and a sweep; or a "
-        "map, spectra over a control in one table or a file for each value; or ringdowns; "
-        "or with --fmu recordings over time; one may be the FMU (.fmu), which alone gives a "
-        "skeleton",
+        help="sweeps or noise spectra; or a table of experiments, its spectra, and a sweep; or "
+        "spectra over a control, in one table or a file each; or ringdowns; or with --fmu "
+        "recordings over time; one may be the FMU, which alone gives a skeleton",
     )
     parser.add_argument(
         "--fmu", help="the FMU, or a model of this project (one mode: CoupledModes1)"
@@ -55,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--control",
         metavar="NAME[=VALUES]",
-        help='quantity that differs between sweeps, as "Vg", or with values in the order of the '
-        'files, as "Vg=-6:6:1 V" or "T=4,10,20 K" (in their names or above their tables)',
+        help='quantity that differs between sweeps, as "Vg", or with its values, as "Vg=-6:6:1 '
+        'V" or "T=4,10,20 K" (in their names or above their tables)',
     )
     parser.add_argument(
         "--output",

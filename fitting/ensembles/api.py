@@ -83,8 +83,8 @@ def ensemble(
     an item whose worker is lost is repeated once.
 
     Args:
-        of: `Laboratories`; or paths of campaigns, of folders with campaign.toml files below, or of
-            tables with a column "campaign".
+        of: `Laboratories`; or paths of campaigns, of folders with them, or of tables with a column
+            "campaign".
         fmu: The FMU of all items, a model's name or a path; None: each item's.
         options: How each item is fitted; None: as its campaign states, with all profiles.
         executor: A number of processes (None: one per processor, up to 8), a dask scheduler as

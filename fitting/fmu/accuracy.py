@@ -55,7 +55,7 @@ class Reduction(Keys, Generic[Setting]):
     slow: Switch = False
     """Whether steps of the solver follow beats of the tones instead of periods."""
     cost: Positive = 0.5
-    """Remaining share of a run's work, if processor time is not reported."""
+    """Remaining share of a run's work, if unknown."""
 
     def __post_init__(self) -> None:
         if not self.set:

@@ -148,9 +148,9 @@ class SweepLine(LineResult):
         background: the campaign's, with which the line was fitted.
         message: why there is no line, or how the fit ended.
         notes: head of the file.
-        background_p: p-value of the last form (F-test); NaN: not tested.
+        background_p: p-value of the last form (F-test); NaN: none.
         values: names of fitted values that are "frequency", "width" or "q" of this line.
-        mirrored: the other amplitude with the same curve, with a complex background; else None.
+        mirrored: the other amplitude that fits as well, with a complex background; else None.
     """
 
     amplitude: LineNumber

@@ -31,7 +31,7 @@ OPTIONS = {
     "alpha1": ("alpha1", "duffing: cubic coefficient of the first mode, 1/(m²·s²)"),
     "alpha2": ("alpha2", "duffing: cubic coefficient of the second mode, 1/(m²·s²)"),
     "kappa": ("kappa", "duffing: cubic coefficient between the modes, 1/(m²·s²)"),
-    "level": ("level", "duffing: strongest drive of each tone, the others in proportion, m/s²"),
+    "level": ("level", "duffing: strongest drive of each tone, m/s²"),
     "weak-level": ("weak_level", "duffing: drive of the sweep that sets the scale, m/s²"),
 }
 
@@ -42,10 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     kind.add_argument(
         "--series",
         choices=(*SERIES, *CURVES),
-        help="the paper's two series; the q1 string driven nonlinearly, swept under a pump, or "
-        "under pumps at the distance of the modes and half of it; one mode in a network "
-        "analyser; spectra over a voltage; a string over time: a decay, under a chirp, "
-        "behind a lock-in, or levels of an analyser",
+        help="the paper's two series; the string driven nonlinearly or under pumps; one mode in "
+        "a network analyser; spectra over a voltage; a string over time: decay, chirp, "
+        "lock-in, or levels of an analyser",
     )
     kind.add_argument(
         "--like",
@@ -74,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--phases",
         action="store_true",
-        help="record X and Y of every tone, not of sweeps; with --series crossing of every point",
+        help="record X and Y of every tone, or every point of a crossing",
     )
     parser.add_argument(
         "--modes",
@@ -99,8 +98,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--noise",
         type=bounded_number,
         metavar="X",
-        help="with --cross-mode or --phases: relative noise of every quadrature (0.01); else of "
-        "a network analyser, spectra or a trace over the largest value",
+        help="with --cross-mode or --phases: relative noise of every quadrature (0.01); else over "
+        "the largest value",
     )
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, (_, text) in OPTIONS.items():

@@ -69,9 +69,8 @@ def synthesize_curves(
 
     Args:
         kind: "transmission", "notch" or "reflection": one mode in a network analyser; "crossing":
-            two modes tuned through each other by a voltage, with ``modes=3`` one through a coupled
-            pair; "ringdown": a beating decay; "chirp": under a chirp; "lock-in": X and Y of a decay
-            at 1 MHz; "zero-span": levels of one mode's decay.
+            modes tuned through each other by a voltage; "ringdown": a beating decay; "chirp": under
+            a chirp; "lock-in": X and Y of a decay at 1 MHz; "zero-span": levels of a decay.
         seed: Of all noise, at least 0; the same seed gives the same numbers.
         out: Folder for the files; None: nothing is written.
         command: Origin that the files state.

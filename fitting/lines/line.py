@@ -39,8 +39,8 @@ class Line(MeasuredLine):
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         mirrored: the other amplitude that fits as well, with a complex constant or tail; else None.
         bend: shift of the top by nonlinearity, Hz; None of a linear line.
-        background: of "offset", "floor" and "rice" the constant, in ``unit``; of "sloped" its value
-            at the eigenfrequency; of "single" the noise of a quadrature; else zero.
+        background: constant of "offset", "floor" and "rice", in ``unit``; of "sloped" at the
+            eigenfrequency; of "single" the noise of a quadrature; else zero.
         slope: of "sloped" amplitudes, ``unit`` per Hz.
         wiring: the requested or chosen form.
         is_requested: whether it was requested.

@@ -380,8 +380,7 @@ class ComplexSweepTable(StatedTable, LayoutKeys, ComplexKeys):
     TOGETHER = ComplexSweep
 
     file: FileName
-    """Frequency with X and Y, real and imaginary part, amplitude and phase, or dB and phase, each
-    with its unit."""
+    """Frequency with X and Y, or amplitude or dB and phase, each with its unit."""
 
     def __post_init__(self) -> None:
         self.check()
@@ -404,8 +403,8 @@ class ComplexControlSweepTable(ControlTable, ComplexKeys):
     TABLE: ClassVar[str] = "complex_control_sweep"
 
     file: FileName
-    """A row for each point: controls, frequency, X and Y (or Re and Im, amplitude and phase, dB and
-    phase); or for each sweep: controls, and its file in the column file."""
+    """A row for each point: controls, frequency, X and Y (or amplitude or dB and phase); or for
+    each sweep: controls, and its file in the column file."""
     layout: Annotated[Text | None, OneOf(LAYOUTS)] = None
     """Format of the instrument; without it recognised."""
 

@@ -329,13 +329,13 @@ class ControlSweepTable(ControlTable):
     1."""
     rectified: bool = True
     """Whether amplitudes are magnitudes of two quadratures with noise sigma each, as of lock-in
-    amplifiers, network analysers and Fourier transforms."""
+    amplifiers and analysers."""
     drive: Text | None = None
-    """Amplitude of the drive over its level: a column, or a formula of the frequency f and
-    constants, as "f0/f" for harmonics of a square wave."""
+    """Amplitude of the drive over its level: a column, or a formula of frequency f and constants,
+    as "f0/f" of a square wave."""
     lines: Annotated[float | None, Quantity("Hz")] = None
-    """Fundamental of a periodic drive: of each spectrum the odd harmonics are used, the highest
-    point within 0.8 of it, refined by a parabola through logarithms."""
+    """Fundamental of a periodic drive: only the odd harmonics of each spectrum are used, the peak
+    within 0.8 of it."""
     output: Text | None = None
     """The observed FMU output; without it that of [observe]."""
 

@@ -480,12 +480,11 @@ class NoiseSpectrum(NoiseRecord, OfSetup):
             scatter.
         force: "white": constant density, level solved for; "thermal": as damping and temperature
             require; "coloured": known density, factor solved for.
-        force_density: (coloured) density of the force, shape (n,), any unit, above zero, exact.
+        force_density: (coloured) density of the force, shape (n,), any unit, above zero.
         temperature_k: Of the resonator, K; 0: unknown, solved for.
         mass_kg: Where the FMU's drive is an acceleration, kg; 0: its drive is a force.
         spring_constant: Instead of the mass, N/m; 0: not used.
-        drives_force: (thermal) whether the drive is a force or its mass is given; else there is no
-            temperature.
+        drives_force: (thermal) whether there is a force or mass, for the temperature.
         floor: Whether a white floor is solved for.
         window: Of the periodograms, each one over the spacing of the frequencies long: widens the
             lines; every second point is used.

@@ -72,8 +72,7 @@ class NoiseSpectrumTable(RecordTable):
     columns: WrittenNoiseColumns = field(default_factory=WrittenNoiseColumns)
     """Columns of other than the usual names."""
     holds: Annotated[Text | None, OneOf(HOLDS)] = None
-    """"density" or its "root", of a column whose unit does not state it: then relative numbers.
-    Levels in dB are powers either way."""
+    """"density" or its "root", of a column whose unit does not state it: then relative numbers."""
     force: Annotated[Text, OneOf(FORCES)] = WHITE
     """"white": of constant density; "thermal": as the damping requires; "coloured": with a density
     in a column."""

@@ -63,7 +63,8 @@ class WrittenSignal(Keys):
     """An input that is declared instead of recorded."""
 
     kind: Annotated[Text, OneOf(SIGNALS)]
-    """"step": a level from a time on; "pulse": for a while; "chirp": a sine through frequencies."""
+    """A level from a time on ("step") or for a while ("pulse"), or a sine through frequencies
+    ("chirp")."""
     level: Value
     """Height of the step or pulse, amplitude of the chirp."""
     at: Value | None = None
@@ -154,7 +155,7 @@ class TraceTable(TimeTable):
     gain: Annotated[Text, OneOf(GAINS)] = ONE
     """Of the read-out: "one", or "fit": solved for."""
     lead: Value | None = None
-    """Time from the FMU's start to the first sample, under the input's first value."""
+    """Time from the FMU's start to the first sample."""
     start: Annotated[Text, OneOf(STARTS)] = REST
     """State at the start: "rest": the FMU's; "unknown": solved for, of a linear FMU."""
     states: Annotated[Count | None, Usually(ONE_MODE)] = None

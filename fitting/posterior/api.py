@@ -71,10 +71,9 @@ class Sampling:
 class Posterior:
     """Draws from a posterior: their ``summary``, and all of them.
 
-    ``draws`` (steps, walkers, n) in the parameters' units, order ``names``, without the beginning;
-    values with a period in that of the fit. ``log`` (steps, walkers): ln of the posterior but for a
-    constant. ``outputs``: derived outputs by name, (k,), at ``thinned`` draws, NaN without a value.
-    Values are reported where ``status`` is "converged".
+    ``draws`` (steps, walkers, n) in the parameters' units, order ``names``, periodic values in the
+    period of the fit; ``log`` (steps, walkers): ln of the posterior but for a constant;
+    ``outputs``: derived outputs by name at ``thinned`` draws, (k,), NaN without a value.
     """
 
     summary: PosteriorSummary

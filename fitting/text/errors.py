@@ -150,8 +150,8 @@ class OutOfBudget(BadInput):
 class FmuFailure(Exception):
     """An FMU failed; in the FMU's own words.
 
-    ``message`` with the FMU's log, ``parameters`` the start values of the run, ``fmu`` the file. Of
-    a batch ``at`` is the run's number or None, ``answers`` the results of other runs by number.
+    ``message`` with its log, start values ``parameters``, file ``fmu``. Of a batch ``at`` is the
+    run's number or None, ``answers`` are results of others.
     """
 
     def __init__(self, message: str, parameters: Mapping[str, Scalar], fmu: Path) -> None:

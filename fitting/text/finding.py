@@ -128,9 +128,9 @@ class Finding:
         kind: of finding.
         severity: "error": there are no values; "warning": the reader must act.
         subject: a measurement, parameter or file.
-        numbers: of its sentence by name, in SI units, or in ``names`` "unit". Of an assumption
-            ``shift_NAME`` of values and ``chi_square``, its rise; of a combination ``correlation``,
-            ``std_NAME`` and ``std_alone_NAME``, with the other parameter known.
+        numbers: of its sentence by name, in SI units or ``names`` "unit". Of an assumption
+            ``shift_NAME`` and the rise ``chi_square``; of a combination ``correlation``,
+            ``std_NAME`` and ``std_alone_NAME``.
         names: of its sentence: parameters, units, labels or files.
     """
 
