@@ -108,8 +108,8 @@ class Tones:
         drive_hz: Frequencies of the tones, shape (m, k), Hz.
         peaks_v: Peak amplitudes of the lines, shape (m, l), in ``amplitude_unit``, or complex z,
             Re[z exp(i 2 pi u t)].
-        sigmas_v: Their standard deviations, or of each quadrature, shape (m, l); NaN or None:
-            unknown.
+        sigmas_v: Their standard deviations, or of each quadrature, shape (m, l), in
+            ``amplitude_unit``; NaN or None: unknown.
         lines_hz: Frequencies of the lines, shape (m, l), Hz; None: the tones.
         settings: Start values of the FMU by variable, one or (m,), in the FMU's units.
         labels: Names of the m experiments; None: "1", "2", ...
