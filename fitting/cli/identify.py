@@ -77,14 +77,10 @@ def run(args: argparse.Namespace) -> int:
                 settings=settings,
                 progress=lambda spent: tell(remaining.walking(spent)),
             )
-    options = ("out", "at", "bootstrap", "seed", "budget", "workers")
-    flags = ("expected", "changed_data", "no_report")
-    words = [NAME, args.campaign.as_posix()]
-    command = command_line(args, words, options, ("beside",), flags)
     result = replace(
         result,
         at=result.at if fitted is None else args.at.as_posix(),
-        provenance={"command": command, **result.provenance},
+        provenance={"command": command_line(args), **result.provenance},
     )
     write_json(out / JSON_NAME, result)
     hand_over(args, result)

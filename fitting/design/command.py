@@ -93,11 +93,7 @@ def run(args: argparse.Namespace) -> int:
     out, several = _out(args), len(args.candidates) > 1
     # the fit by its file, which complaints name; itself where its data may be others
     at = fit_at(args) if args.changed_data else args.at
-    words = [NAME, *(path.as_posix() for path in (args.campaign, *args.also))]
-    options = ("out", "at", "target", "criterion", "number")
-    command = command_line(args, words, options, ("candidates",), ("changed_data",))
-    command += "" if args.time is None else f" --time {args.time!r}s"
-    command += "" if args.seed == 1 else f" --seed {args.seed}"
+    command = command_line(args)
     kinds = {path.stem: path for path in args.candidates}
     if len(kinds) < len(args.candidates):
         raise ff.BadInput("--candidates: two files of one name, which distinguishes the kinds")

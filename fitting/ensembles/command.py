@@ -35,6 +35,8 @@ DOCUMENT = "ensemble.json"
 EXAMPLE = "fmu-fit ensemble --series q1 --laboratories 100 --value width_plus --out out/many"
 #: Laboratories where no number is given.
 USUAL = 100
+#: Options that are not recorded: the same fits made elsewhere are the same bytes.
+ELSEWHERE = ("out", "workers", "scheduler", "resume", "no_report")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -145,7 +147,8 @@ def run(args: argparse.Namespace) -> int:
             progress=follow,
         )
         tell("tables, figure and report")
-        ensemble = replace(ensemble, provenance={**ensemble.provenance, "command": _command(args)})
+        command = command_line(args, *ELSEWHERE)
+        ensemble = replace(ensemble, provenance={**ensemble.provenance, "command": command})
         ended = ensemble.status == FINISHED
         # who asks for an end waits for no figure
         files = ff.write_ensemble(ensemble, args.out, drawn=ended and not args.no_report)
@@ -227,10 +230,3 @@ def _options(args: argparse.Namespace) -> ff.EnsembleOptions:
         quick=args.quick,
         resume=args.resume,
     )
-
-
-def _command(args: argparse.Namespace) -> str:
-    """The command without where it runs: the same fits made elsewhere are the same bytes."""
-    words = [NAME, *(path.as_posix() for path in args.campaigns)]
-    options = ("series", "like", "laboratories", "seed", "fmu", "starts")
-    return command_line(args, words, options, ("change", "value"), ("quick", "no_profiles"))

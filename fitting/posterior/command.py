@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
             except KeyboardInterrupt as end:  # there is no result, but there may be a chain
                 way_on = f"{end}, go on with: {command_again(args)}" if str(end) else ""
                 raise KeyboardInterrupt(way_on) from None
-            command = {"command": _command(args), "fit": args.at.as_posix()}
+            command = {"command": command_line(args), "fit": args.at.as_posix()}
             provenance = {**command, **drawn.summary.provenance}
             drawn = replace(drawn, summary=replace(drawn.summary, provenance=provenance))
             tell("tables, figure and report")
@@ -129,9 +129,3 @@ def run(args: argparse.Namespace) -> int:
     again = "" if done else command_again(args, steps=enough)
     print(*screen_lines(drawn.summary, files, again=again, verbose=args.verbose), sep="\n")
     return 0 if done else 1
-
-
-def _command(args: argparse.Namespace) -> str:
-    words = [NAME, *(path.as_posix() for path in args.campaign)]
-    options = ("at", "out", "walkers", "steps", "seed")
-    return command_line(args, words, options, flags=("isolate", "changed_data", "resume"))

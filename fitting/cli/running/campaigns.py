@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from fitting.api.problem import Campaign
     from fitting.result.result import Result
 
-#: Fewer letters name no option.
-SHORTEST = len("--x")
+#: Options about what is printed, which change no result.
+PRINTING = ("quiet", "verbose", "log", "json")
 
 
 def fmu_for(
@@ -64,49 +64,43 @@ def fit_at(args: argparse.Namespace) -> Result | None:
     return of_any_data(result) if args.changed_data else result
 
 
-def command_line(
-    args: argparse.Namespace,
-    words: Sequence[str],
-    options: Sequence[str],
-    repeated: Sequence[str] = (),
-    flags: Sequence[str] = (),
-) -> str:
-    """The command as a result records it: the options that differ from their defaults.
+def command_line(args: argparse.Namespace, *without: str) -> str:
+    """The command as a result records it: its positional arguments, then all that differs.
 
     Args:
         args: of the command.
-        words: the command and its positional arguments.
-        options: names of options with a value, None where it is the default.
-        repeated: names of options that may be repeated.
-        flags: names of options without a value, or with one word.
+        *without: names of options that are left out, next to those about what is printed.
     """
-    given = [(name, getattr(args, name)) for name in options]
-    given += [(name, value) for name in repeated for value in getattr(args, name)]
-    made = ["fmu-fit", *words]
-    for name, value in given:
-        if value is not None:
-            made += [f"--{name}", value.as_posix() if isinstance(value, Path) else str(value)]
-    for name in flags:
-        value = getattr(args, name)
-        written = f"--{name.replace('_', '-')}"
-        made += [written if value is True else f"{written}={value}"] if value else []
-    return shlex.join(made)
+    return _typed(args, (*without, *PRINTING))
 
 
-def command_again(args: argparse.Namespace, *, steps: int | None = None) -> str:
-    """The command as it was typed, every option of it, with ``--resume``.
+def command_again(args: argparse.Namespace, **changes: object) -> str:
+    """The command to continue with: every option of it, and ``--resume``.
 
     Args:
-        args: of the command, as the parser made them.
-        steps: what `--steps` is now; None: as it was.
+        args: of the command.
+        **changes: values of options that are to be others, by name.
     """
-    kept, skip = [], False
-    for word in args.given:
-        # however it was written: with its value behind it or after "=", and cut short
-        name, equals, _ = word.partition("=")
-        is_steps = steps is not None and len(name) >= SHORTEST and "--steps".startswith(name)
-        if word != "--resume" and not (skip or is_steps):
-            kept.append(word)
-        skip = is_steps and not equals
-    kept += [] if steps is None else ["--steps", str(steps)]
-    return shlex.join(["fmu-fit", *kept, "--resume"])
+    return _typed(argparse.Namespace(**{**vars(args), **changes, "resume": True}))
+
+
+def _typed(args: argparse.Namespace, without: Collection[str] = ()) -> str:
+    """A command as it might be typed, with the options whose values are not the usual ones."""
+    parser: argparse.ArgumentParser = args.parser
+    words, options = parser.prog.split(), list[str]()
+    for action in parser._actions:
+        value = getattr(args, action.dest, action.default)
+        if value == action.default or action.dest in without:
+            continue
+        each = value if isinstance(value, list) else [value]
+        texts = [v.as_posix() if isinstance(v, Path) else str(v) for v in each]
+        name = next(iter(action.option_strings), "")
+        if not name:
+            words += texts
+        elif action.nargs == 0:  # several flags may set one value
+            options += [name] if value == action.const else []
+        elif isinstance(action, argparse._AppendAction):
+            options += [word for text in texts for word in (name, text)]
+        else:
+            options += [name, *texts]
+    return shlex.join([*words, *options])

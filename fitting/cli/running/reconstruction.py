@@ -32,21 +32,6 @@ from fitting.text.scratch import Scratch
 NAME = "reconstruct"
 #: Exit code by how the fit ended; any other ending is 1.
 EXIT_CODES = {"converged": 0, "does not describe the data": 4}
-#: Options that a result records, those with a value and those without.
-RECORDED = (
-    *("out", "workers", "accuracy", "misfit", "estimator", "seed", "starts", "bootstrap"),
-    *("start", "style", "budget"),
-)
-FLAGS = (
-    "quick",
-    "no_path",
-    "global_path",
-    "no_profiles",
-    "no_report",
-    "isolate",
-    "native",
-    "resume",
-)
 #: What goes with the result that it belongs to.
 PASSING = (*RESULT_FILES, "fmu/*.fmu")
 
@@ -69,8 +54,6 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
     campaigns = [ff.read_campaign(path) for path in args.campaign]
     if args.dry_run:
         return _print_cost(args, campaigns)
-    words = [NAME, *(path.as_posix() for path in args.campaign)]
-    command = command_line(args, words, RECORDED, ("external", "formats"), FLAGS)
     with fmu_for(campaigns, out, args.workers, isolate=args.isolate, native=args.native) as fmu:
         problem = ff.Problem.of(campaigns, fmu, accuracy=args.accuracy, start=args.start)
         record, variables = problem.record, fmu.variables
@@ -98,7 +81,7 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
                     progress=lambda state: show(remaining.searching(state)),
                     memory=memory,
                 )
-                fitted.command = command
+                fitted.command = command_line(args)
                 with to_the_end():
                     outcome = Outcome(fitted, fitted.result, fitted.status != "interrupted")
                 laps.end("to fit")

@@ -97,7 +97,7 @@ class _Help(argparse.HelpFormatter):
 
 
 def parsed(given: Sequence[str]) -> argparse.Namespace:
-    """The arguments of a command; ``run`` among them is the command itself.
+    """The arguments of a command; ``run`` and ``parser`` among them are the command's own.
 
     Args:
         given: words of the command line.
@@ -112,9 +112,7 @@ def parsed(given: Sequence[str]) -> argparse.Namespace:
     parser = parser_of(() if named is None else (named,))
     if named is not None:
         _refuse_unknown(given, named)
-    result = parser.parse_args(given)
-    result.given = tuple(given)  # to go on with
-    return result
+    return parser.parse_args(given)
 
 
 def overview() -> str:
@@ -156,7 +154,7 @@ def parser_of(names: Sequence[str]) -> Parser:
             formatter_class=_Help,
         )
         add_options(sub, command)
-        sub.set_defaults(run=command.run)
+        sub.set_defaults(run=command.run, parser=sub)
     return parser
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
-from fitting.extension.command import fmu_for, status_line, writes
+from fitting.extension.command import command_line, fmu_for, status_line, writes
 from fitting.lab.names import SCENES, USUAL_SCENE
 from fitting.lab.tradeoff import FILES
 from fitting.text.results_folder import remove_earlier
@@ -64,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
             study = ff.tradeoff(
                 campaign, fmu, options=options, out=args.out, resume=args.resume, progress=tell
             )
-    study = replace(study, provenance={**study.provenance, "command": _command(args)})
+    study = replace(study, provenance={**study.provenance, "command": command_line(args, "resume")})
     files = ff.write_tradeoff(study, args.out)
     remove_earlier(args.out, ("fmu/*.fmu",))
     print(*screen_lines(study, files), sep="\n")
@@ -84,15 +83,3 @@ def _accuracies(text: str) -> tuple[float, ...]:
             )
         result.append(value)
     return tuple(sorted(set(result), reverse=True))
-
-
-def _command(args: argparse.Namespace) -> str:
-    words = ["fmu-fit", NAME]
-    if args.campaign:
-        words += ["--campaign", args.campaign.as_posix()]
-    else:
-        words += ["--scene", args.scene or USUAL_SCENE]
-    words += ["--out", args.out.as_posix()]
-    words += ["--accuracies", args.accuracies] if args.accuracies else []
-    words += [f"--{name}" for name in ("fit", "quick") if getattr(args, name)]
-    return shlex.join(words)
