@@ -33,118 +33,8 @@ from fitting.fmu.isolation import (
 
 #: On x86-64, calls of its other ABI have this bit.
 FOREIGN = 0x40000000
-#: Calls and their numbers on x86-64 and ARM; None: it is not there.
-REFUSED = {
-    # files elsewhere: rights, owners, times, attributes
-    "chmod": (90, None),
-    "fchmod": (91, 52),
-    "fchmodat": (268, 53),
-    "fchmodat2": (452, 452),
-    "chown": (92, None),
-    "fchown": (93, 55),
-    "lchown": (94, None),
-    "fchownat": (260, 54),
-    "utime": (132, None),
-    "utimes": (235, None),
-    "futimesat": (261, None),
-    "utimensat": (280, 88),
-    "setxattr": (188, 5),
-    "lsetxattr": (189, 6),
-    "fsetxattr": (190, 7),
-    "setxattrat": (463, 463),
-    "removexattr": (197, 14),
-    "lremovexattr": (198, 15),
-    "fremovexattr": (199, 16),
-    "removexattrat": (466, 466),
-    "file_setattr": (469, 469),
-    "open_by_handle_at": (304, 265),
-    # other programs, by sockets and messages
-    "connect": (42, 203),
-    "bind": (49, 200),
-    "listen": (50, 201),
-    "accept": (43, 202),
-    "accept4": (288, 242),
-    "shmget": (29, 194),
-    "shmat": (30, 196),
-    "shmctl": (31, 195),
-    "semget": (64, 190),
-    "semop": (65, 193),
-    "semtimedop": (220, 192),
-    "semctl": (66, 191),
-    "msgget": (68, 186),
-    "msgsnd": (69, 189),
-    "msgrcv": (70, 188),
-    "msgctl": (71, 187),
-    "mq_open": (240, 180),
-    "mq_unlink": (241, 181),
-    # other processes, and leaving the group that ends with the worker
-    "ptrace": (101, 117),
-    "process_vm_readv": (310, 270),
-    "process_vm_writev": (311, 271),
-    "process_madvise": (440, 440),
-    "pidfd_getfd": (438, 438),
-    "kcmp": (312, 272),
-    "setsid": (112, 157),
-    "setpgid": (109, 154),
-    # the machine: name, clock, keys, modules
-    "sethostname": (170, 161),
-    "setdomainname": (171, 162),
-    "settimeofday": (164, 170),
-    "clock_settime": (227, 112),
-    "adjtimex": (159, 171),
-    "clock_adjtime": (305, 266),
-    "add_key": (248, 217),
-    "request_key": (249, 218),
-    "keyctl": (250, 219),
-    "init_module": (175, 105),
-    "finit_module": (313, 273),
-    "delete_module": (176, 106),
-    "kexec_load": (246, 104),
-    "kexec_file_load": (320, 294),
-    "reboot": (169, 142),
-    "swapon": (167, 224),
-    "swapoff": (168, 225),
-    "acct": (163, 89),
-    "quotactl": (179, 60),
-    "quotactl_fd": (443, 443),
-    "syslog": (103, 116),
-    "vhangup": (153, 58),
-    "iopl": (172, None),
-    "ioperm": (173, None),
-    # namespaces and mounts
-    "unshare": (272, 97),
-    "setns": (308, 268),
-    "mount": (165, 40),
-    "umount2": (166, 39),
-    "pivot_root": (155, 41),
-    "chroot": (161, 51),
-    "move_mount": (429, 429),
-    "open_tree": (428, 428),
-    "open_tree_attr": (467, 467),
-    "fsopen": (430, 430),
-    "fsconfig": (431, 431),
-    "fsmount": (432, 432),
-    "fspick": (433, 433),
-    "mount_setattr": (442, 442),
-    # doors to the kernel through which much has been broken out of
-    "io_uring_setup": (425, 425),
-    "bpf": (321, 280),
-    "perf_event_open": (298, 241),
-    "userfaultfd": (323, 282),
-    "fanotify_init": (300, 262),
-}
-#: Calls on a process, 0: itself; and which argument names that.
-ON_PROCESSES = {
-    "prlimit64": ((302, 261), 0),
-    "sched_setaffinity": ((203, 122), 0),
-    "sched_setscheduler": ((144, 119), 0),
-    "sched_setparam": ((142, 118), 0),
-    "sched_setattr": ((314, 274), 0),
-    "migrate_pages": ((256, 238), 0),
-    "move_pages": ((279, 239), 0),
-    "setpriority": ((141, 140), 1),
-    "ioprio_set": ((251, 30), 1),
-}
+#: Calls that are refused: numbers by processor, and which argument names a process, where one may.
+CALLS = Path(__file__).with_name("system_calls.txt")
 SOCKET, SOCKETPAIR, CLONE, CLONE3, IOCTL = (41, 198), (53, 199), (56, 220), (435, 435), (16, 29)
 INET, INET6, DATAGRAM, KIND = 2, 10, 2, 0xF
 NAMESPACES = 0x7E020000  # flags of clone
@@ -178,30 +68,28 @@ def filter_of(machine: str) -> bytes | None:
         return (LOAD, 0, 0, ARGUMENTS + 8 * number)
 
     network = [argument(1), (KEEP, 0, 0, KIND), (EQUAL, 0, 1, DATAGRAM), refuse, kill]
-    #: What is done at a call; it ends with an answer.
-    calls: list[tuple[tuple[int | None, int | None], list[_Line]]] = [
-        *((numbers, [refuse]) for numbers in REFUSED.values()),
-        *(
-            (numbers, [argument(process), (EQUAL, 1, 0, 0), refuse, allow])
-            for numbers, process in ON_PROCESSES.values()
-        ),
-        (SOCKET, [argument(0), (EQUAL, 2, 0, INET), (EQUAL, 1, 0, INET6), refuse, *network]),
-        # one of datagrams could be pointed at any other program's
-        (SOCKETPAIR, [argument(1), (KEEP, 0, 0, KIND), (EQUAL, 0, 1, DATAGRAM), refuse, allow]),
-        (CLONE, [argument(0), (ANY_BIT, 0, 1, NAMESPACES), refuse, allow]),
-        # its flags are out of a filter's sight: libraries take clone where it is not there
-        (CLONE3, [(ANSWER, 0, 0, UNKNOWN)]),
+    typing = [line for each in TERMINALS for line in ((EQUAL, 0, 1, each), refuse)]
+    # what is done at a call; it ends with an answer
+    calls: list[tuple[int, list[_Line]]] = []
+    for row in CALLS.read_text("ascii").splitlines():
+        words = row.partition("#")[0].split()
+        if words and words[1 + place] != "-":
+            own = [argument(int(words[3])), (EQUAL, 1, 0, 0), refuse, allow] if words[3:] else []
+            calls.append((int(words[1 + place]), own or [refuse]))
+    calls += [
         (
-            IOCTL,
-            [
-                argument(1),
-                (EQUAL, 0, 1, TERMINALS[0]),
-                refuse,
-                (EQUAL, 0, 1, TERMINALS[1]),
-                refuse,
-                allow,
-            ],
+            SOCKET[place],
+            [argument(0), (EQUAL, 2, 0, INET), (EQUAL, 1, 0, INET6), refuse, *network],
         ),
+        # one of datagrams could be pointed at any other program's
+        (
+            SOCKETPAIR[place],
+            [argument(1), (KEEP, 0, 0, KIND), (EQUAL, 0, 1, DATAGRAM), refuse, allow],
+        ),
+        (CLONE[place], [argument(0), (ANY_BIT, 0, 1, NAMESPACES), refuse, allow]),
+        # its flags are out of a filter's sight: libraries take clone where it is not there
+        (CLONE3[place], [(ANSWER, 0, 0, UNKNOWN)]),
+        (IOCTL[place], [argument(1), *typing, allow]),
     ]
     lines: list[_Line] = [
         (LOAD, 0, 0, PROCESSOR),
@@ -211,9 +99,8 @@ def filter_of(machine: str) -> bytes | None:
         (AT_LEAST, 0, 1, FOREIGN),
         kill,
     ]
-    for numbers, then in calls:
-        if (number := numbers[place]) is not None:
-            lines += [(EQUAL, 0, len(then), number), *then]
+    for number, then in calls:
+        lines += [(EQUAL, 0, len(then), number), *then]
     return b"".join(struct.pack("=HBBI", *line) for line in [*lines, allow])
 
 
