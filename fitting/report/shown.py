@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from fitting.campaign import BoundCampaign, Drive, Experiment, Spectrum
+from fitting.campaign import BoundCampaign, Drive, Experiment
 from fitting.fit.fit import Fit
 from fitting.fit.problem import Problem
 from fitting.measurements.figure import Figure
@@ -22,23 +22,15 @@ from fitting.text.units import convert
 
 @dataclass(frozen=True, kw_only=True)
 class ShownTones:
-    """One experiment: what drove it and what was measured.
+    """What drove one experiment: ``tones_hz`` (t,), their amplitudes ``drive`` (t,), FMU's unit.
 
-    ``tones_hz`` (t,) and ``drive`` (t,) are frequencies and amplitudes (in the FMU's unit) of the
-    drive; ``read_hz``, ``peaks`` and ``sigmas`` (n,) frequencies, amplitudes and standard
-    deviations (NaN: not known) of the peaks that were read, in ``unit``, peak; ``floor`` is the
-    mean magnitude of the noise (NaN: not known), ``trace`` the spectrum where there is one.
+    ``has_spectrum``: its peaks were read from a spectrum.
     """
 
     label: str
     tones_hz: tuple[float, ...]
     drive: tuple[float, ...]
-    read_hz: tuple[float, ...]
-    peaks: tuple[float, ...]
-    sigmas: tuple[float, ...]
-    floor: float = math.nan
-    trace: Spectrum | None = None
-    unit: str = "V"
+    has_spectrum: bool = False
 
 
 @dataclass(frozen=True)
@@ -112,9 +104,7 @@ def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
         synthetic=bound.synthetic,
         unit=bound.amplitude_unit,
         drive=bound.setup.drive.input or "b",
-        tones=tuple(
-            _shown_tones(e, bound.setup.drive, bound.amplitude_unit) for e in bound.experiments
-        ),
+        tones=tuple(_shown_tones(e, bound.setup.drive) for e in bound.experiments),
         drift_hz=_drift_hz(bound),
         settings={
             name.strip(): words.strip()
@@ -125,9 +115,8 @@ def shown_campaign(bound: BoundCampaign) -> ShownCampaign:
     )
 
 
-def _shown_tones(experiment: Experiment, drive: Drive, unit: str) -> ShownTones:
+def _shown_tones(experiment: Experiment, drive: Drive) -> ShownTones:
     names = drive.amplitude_names or ("",) * len(experiment.tones_hz)
-    spectrum = experiment.spectrum
     return ShownTones(
         label=experiment.label,
         tones_hz=experiment.tones_hz,
@@ -135,12 +124,7 @@ def _shown_tones(experiment: Experiment, drive: Drive, unit: str) -> ShownTones:
             float(experiment.settings.get(name, drive.amplitude))
             for name, _ in zip(names, experiment.tones_hz, strict=False)
         ),
-        read_hz=experiment.read_hz,
-        peaks=tuple(map(float, experiment.peaks_v)),
-        sigmas=tuple(map(float, experiment.sigmas_v)),
-        floor=experiment.floor_v,
-        trace=spectrum,
-        unit=unit,
+        has_spectrum=experiment.spectrum is not None,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,7 +56,27 @@ SWEPT_V = lorentzian_v(SWEEP_HZ) * (1.0 + 1e-3 * np.cos(np.arange(41.0)))
 RESONANCE = fit_resonance(SWEEP_HZ, SWEPT_V)
 
 
-def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) -> ShownTones:
+@dataclass(frozen=True, kw_only=True)
+class MeasuredTones(ShownTones):
+    """An experiment with what was measured: peaks (n,), their errors, its spectrum."""
+
+    read_hz: tuple[float, ...]
+    peaks: tuple[float, ...]
+    sigmas: tuple[float, ...]
+    floor: float
+    trace: Spectrum | None
+    unit: str = "V"
+
+
+def measured(data: ShownCampaign) -> Sequence[MeasuredTones]:
+    """The experiments of a campaign; those that were not made here get peaks as those have."""
+    return [
+        e if isinstance(e, MeasuredTones) else experiment(e.label, e.tones_hz, spectrum=False)
+        for e in data.tones
+    ]
+
+
+def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) -> MeasuredTones:
     """An experiment whose peaks lie on the Lorentzian, with a spectrum that shows them."""
     peaks = lorentzian_v(np.array(tones_hz))
     trace = None
@@ -66,7 +86,7 @@ def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) 
         for tone, peak in zip(tones_hz, peaks, strict=True):
             a[int(np.argmin(np.abs(f - tone)))] = peak
         trace = Spectrum(f, a)
-    return ShownTones(
+    return MeasuredTones(
         label=label,
         tones_hz=tuple(tones_hz),
         drive=(1.0,) * len(tones_hz),
@@ -75,11 +95,12 @@ def experiment(label: str, tones_hz: Sequence[float], *, spectrum: bool = True) 
         sigmas=(SIGMA_V,) * len(peaks),
         floor=0.25e-6,
         trace=trace,
+        has_spectrum=spectrum,
     )
 
 
 def campaign(
-    tones: Sequence[ShownTones] | None = None,
+    tones: Sequence[MeasuredTones] | None = None,
     *,
     title: str = "A string",
     synthetic: bool = True,
@@ -121,7 +142,7 @@ def result_for(
     """A result for a campaign; ``initial``, ``final`` are signed relative errors per peak."""
     peaks = [
         (e.label, f, float(v), float(s))
-        for e in data.tones
+        for e in measured(data)
         for f, v, s in zip(e.tones_hz, e.peaks, e.sigmas, strict=True)
     ]
     count = len(peaks) or 41
@@ -199,7 +220,7 @@ def result_for(
 def spectra(data: ShownCampaign, result: Result) -> Figure:
     """What the experiments show beside the model of the result."""
     shown = []
-    for e in data.tones:
+    for e in measured(data):
         peaks = [p for p in result.peaks if p.experiment == e.label]
         spectrum = None if e.trace is None else replace(e.trace, unit=e.unit)
         shown.append(
@@ -214,7 +235,7 @@ def spectra(data: ShownCampaign, result: Result) -> Figure:
                 unit=e.unit,
             )
         )
-    return spectra_figure(shown, [e.floor for e in data.tones])
+    return spectra_figure(shown, [e.floor for e in measured(data)])
 
 
 def response(data: ShownCampaign, result: Result) -> Figure:
