@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 from fitting.api.fitted import Tikhonov, search_options
 from fitting.api.printed import HtmlText
@@ -16,12 +13,12 @@ from fitting.campaign.parameters import starts as starts_of
 from fitting.campaign.parameters import to_search
 from fitting.engine.threads import one_thread
 from fitting.fit.objective import evaluate_many, stencil
+from fitting.fmu.worker.confinement import most_memory
 from fitting.inference.cost import Expected as Expected
 from fitting.inference.cost import Range as Range
 from fitting.inference.cost import added as added
-from fitting.inference.cost import expected
+from fitting.inference.cost import expected as expected
 from fitting.inference.cost import times as times
-from fitting.inference.determine import own_profiled
 from fitting.text.errors import BadInput
 
 
@@ -90,6 +87,7 @@ def cost(
     )
     runs = added(evaluated, whole.output_runs, (planning_runs, planning_runs))
     share = seconds_each / max(runs_each, 1.0)
+    held = len(workers.pids) * workers.memory_bytes
     return Cost(
         expected=whole,
         workers=len(workers.pids),
@@ -97,7 +95,7 @@ def cost(
         planning_s=planning_s,
         runs_each=runs_each,
         seconds_each=seconds_each,
-        memory_bytes=_memory_bytes(workers.pids),
+        memory_bytes=float(most_memory() + held) if held else math.nan,
         evaluations=whole.evaluations,
         runs=runs,
         seconds=added(
@@ -106,45 +104,3 @@ def cost(
             times(share, whole.output_runs),
         ),
     )
-
-
-def expected_of(
-    problem: Problem, method: Tikhonov | None, starts: int | None, *, profiles: bool, refits: int
-) -> Expected:
-    """What `cost` expects, without a run of the FMU.
-
-    Args:
-        problem: What is looked for, and from what.
-        method: As `fit` takes it.
-        starts: As `fit` takes it.
-        profiles: Whether profiles are to be scanned.
-        refits: Synthetic data sets that are to be fitted anew.
-    """
-    options = search_options(problem, method, starts, None)
-    return expected(problem.record, options, profiles=profiles, refits=refits)
-
-
-def expected_of_identification(problem: Problem, refits: int) -> Expected:
-    """What `identify` expects, without a run of the FMU: no search, but profiles of all values.
-
-    Args:
-        problem: What is looked for, and from what.
-        refits: Synthetic data sets that are to be fitted anew.
-    """
-    options, record = search_options(problem, None, 1, None), problem.record
-    return expected(record, options, profiles=True, refits=refits, own=own_profiled(record))
-
-
-def _memory_bytes(pids: Iterable[int]) -> float:
-    """The most that this process and some others have held; NaN where the system reports none."""
-    if sys.platform != "linux":
-        return math.nan
-    total = 0
-    try:
-        for pid in ("self", *pids):
-            text = Path(f"/proc/{pid}/status").read_text("ascii", "replace")
-            [line] = [line for line in text.splitlines() if line.startswith("VmHWM:")]
-            total += 1024 * int(line.split()[1])
-    except (OSError, ValueError):
-        return math.nan
-    return float(total)

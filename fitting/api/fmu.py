@@ -30,7 +30,6 @@ from fitting.fmu.description import (
 )
 from fitting.fmu.isolation import Isolate, Isolation
 from fitting.fmu.models import provide_fmu
-from fitting.fmu.pool import MOST_WORKERS as MOST_WORKERS
 from fitting.fmu.pool import FmuWorkers
 from fitting.report.simulation import write_drive, write_sweep
 from fitting.report.table import html_table, table

@@ -8,6 +8,7 @@ what a fit would give then.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -43,6 +44,11 @@ IN_PROGRAM: Mapping[str, str] = {
     "measurement": "the measurement {}",
     "alternatives": "alternatives",
     "laws": "laws",
+}
+#: Values of Boolean variables as they may be written.
+BOOLEANS = {
+    **dict.fromkeys(("true", "1", "1.0"), True),
+    **dict.fromkeys(("false", "0", "0.0"), False),
 }
 
 
@@ -145,10 +151,13 @@ class Binder:
         raw, kind = written.value, variable.kind
         if is_real(variable):
             return self.number(variable, written)
-        if kind == "Boolean" and (isinstance(raw, bool) or raw in (0, 1)):
-            return bool(raw)
-        whole = isinstance(raw, int) and not isinstance(raw, bool)
-        if (kind == "String" and isinstance(raw, str)) or (kind == "Integer" and whole):
+        if kind == "Boolean" and str(raw).lower() in BOOLEANS:
+            return BOOLEANS[str(raw).lower()]
+        if kind == "Integer" and not isinstance(raw, bool):
+            with suppress(ValueError):  # of a text that is no number
+                if float(raw).is_integer():
+                    return raw if isinstance(raw, int) else int(float(raw))
+        if kind == "String" and isinstance(raw, str):
             return raw
         raise BadInput(
             f"{written.where}: found {raw!r}, but '{variable.name}' is {_of_kind(variable)}"

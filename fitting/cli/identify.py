@@ -11,7 +11,14 @@ import fitting as ff
 from fitting.cli.running.campaigns import command_line, fit_at, fmu_for
 from fitting.cli.running.output import hand_over, writes
 from fitting.cli.running.progress import status_line
-from fitting.cli.words.options import USUAL_BUDGET, Options, declare, folder_names, several
+from fitting.cli.words.options import (
+    USUAL_BUDGET,
+    Options,
+    assigned,
+    declare,
+    folder_names,
+    several,
+)
 from fitting.text.results_folder import remove_earlier
 
 NAME = "identify"
@@ -52,8 +59,10 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, result or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
-    from fitting.api.cost import expected_of_identification
+    from fitting.api.cost import expected
+    from fitting.api.fitted import search_options
     from fitting.cli.running.remaining import Remaining, counted
+    from fitting.inference.determine import own_profiled
     from fitting.report.identification import identification_lines, write_report
     from fitting.text.records import write_json
 
@@ -64,8 +73,11 @@ def run(args: argparse.Namespace) -> int:
     bootstrap = args.bootstrap or 0
     with fmu_for([campaign], out, args.workers) as fmu:
         problem = ff.Problem.of(campaign, fmu)
-        expected = expected_of_identification(problem, bootstrap)
-        remaining = Remaining(expected, drawn=not args.no_report)
+        # no search, but profiles of all values
+        record, options = problem.record, search_options(problem, None, 1, None)
+        own = own_profiled(record)
+        whole = expected(record, options, profiles=True, refits=bootstrap, own=own)
+        remaining = Remaining(whole, drawn=not args.no_report)
         with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
             result = ff.identify(
                 problem,
@@ -86,8 +98,8 @@ def run(args: argparse.Namespace) -> int:
     hand_over(args, result)
     files = [out / JSON_NAME]
     if not args.no_report:
-        with status_line(NAME, remaining.left) as show:
-            show(remaining.report())
+        with status_line(NAME) as show:
+            show("figures and report")
             files.append(write_report(result, out))
     print(*identification_lines(result, files, verbose=args.verbose), sep="\n")
     remove_earlier(out, (*FILES, "fmu/*.fmu"))
@@ -97,10 +109,7 @@ def run(args: argparse.Namespace) -> int:
 def _settings(texts: Sequence[str]) -> dict[str, float | str]:
     """Settings from texts NAME=VALUE, numbers in the unit of the campaign's column."""
     result: dict[str, float | str] = {}
-    for text in texts:
-        name, sign, value = text.partition("=")
-        if not (name and sign and value):
-            raise ff.BadInput(f"--beside {text}: wanted NAME=VALUE")
+    for name, value in assigned("--beside", texts).items():
         try:
             result[name] = float(value)
         except ValueError:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from fitting.api.early import LEVELS_FILE, RESULT_FILES
 from fitting.cli.running.output import writes
-from fitting.cli.running.progress import Laps
 from fitting.cli.words.options import (
     ISOLATE,
     USUAL_BUDGET,
@@ -80,11 +79,10 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, data or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
-    laps = Laps()
     # the work takes libraries along, help does not
     from fitting.api.examples import built_ahead
 
     with built_ahead(args.campaign, native=args.native):
         from fitting.cli.running.reconstruction import reconstruct
 
-        return reconstruct(args, _out(args), laps)
+        return reconstruct(args, _out(args))

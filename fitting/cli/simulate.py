@@ -9,11 +9,12 @@ import fitting as ff
 from fitting.api.early import DRIVE_FILES
 from fitting.cli.running.output import hand_over, writes
 from fitting.cli.running.progress import status_line
-from fitting.cli.words.drive import complaints_of_options, fmu_of, start_values
+from fitting.cli.words.drive import complaints_of_options, fmu_of
 from fitting.cli.words.options import (
     ISOLATE,
     START_VALUE,
     Options,
+    assigned,
     declare,
     listed,
     positive_quantity,
@@ -81,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None and not args.plan:
         raise ff.BadInput("--out: is missing, wanted a folder (or --plan, which writes nothing)")
     with fmu_of(args) as fmu, complaints_of_options():
-        values = start_values(args.set, fmu)
+        values = assigned("--set", args.set)
         requested = _requested(args, fmu)
         model = fmu.description.model_name
         if args.plan:

@@ -11,11 +11,12 @@ import fitting as ff
 from fitting.api.early import SWEEP_FILES
 from fitting.cli.running.output import hand_over, writes
 from fitting.cli.running.progress import status_line
-from fitting.cli.words.drive import complaints_of_options, fmu_of, start_values
+from fitting.cli.words.drive import complaints_of_options, fmu_of
 from fitting.cli.words.options import (
     ISOLATE,
     START_VALUE,
     Options,
+    assigned,
     declare,
     one_of,
     rising_range,
@@ -69,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     from fitting.report.simulation import Ran, sweep_document, sweep_lines
 
     with fmu_of(args) as fmu, complaints_of_options():
-        values = start_values(args.set, fmu)
+        values = assigned("--set", args.set)
         directions = DIRECTIONS[args.direction]
         with status_line(NAME) as show:
             show(f"{args.points} points, {' and '.join(directions)}")
@@ -85,10 +86,11 @@ def run(args: argparse.Namespace) -> int:
         output = response.sweep.output
         unit = fmu.variables[output].unit or ""
         hand_over(args, sweep_document(response, unit))
+        given = {name: response.sweep.start_values[name] for name in values}
         ran = Ran(
             model=fmu.description.model_name,
             warnings=fmu.warnings,
-            others=fmu.other_tones((args.tone,), values),
+            others=fmu.other_tones((args.tone,), given),
             files=files,
         )
         print(*sweep_lines(response, unit, ran, verbose=args.verbose), sep="\n")

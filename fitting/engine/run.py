@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from fitting.engine.local import LocalProcesses
+from fitting.text.choices import MOST_WORKERS
 from fitting.text.errors import BadInput
 from fitting.text.files import read_whole
 
@@ -151,9 +152,6 @@ def run(
 
 #: What names a place: an executor, the address of a dask scheduler, a number of processes here.
 Where = Executor | str | int
-
-#: More processes than that are a slip of the pen on the machines of today.
-MOST_WORKERS = 256
 
 
 @contextmanager

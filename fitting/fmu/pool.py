@@ -25,6 +25,7 @@ from fitting.fmu.worker.messages import NotAnAnswer, Reply, Task
 from fitting.fmu.worker.process import WorkerProcess
 from fitting.fmu.worker.reuse import Verdict, refused
 from fitting.text.arrays import FloatArray, is_real, is_whole
+from fitting.text.choices import MOST_WORKERS
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer, shown
 from fitting.text.scratch import Scratch
 
@@ -38,8 +39,6 @@ MEDDLED = "wrote into the pipe by which its process answers"
 MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
 #: Runs that a worker is sent at once: it holds all of them, and what they gave.
 MOST_SENT = 2_000
-#: More processes than that are a slip of the pen on the machines of today.
-MOST_WORKERS = 256
 _PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
 
 

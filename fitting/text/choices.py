@@ -18,6 +18,8 @@ STYLES = ("report", PAPER, INTERACTIVE)
 FORMATS = ("svg", "png", "pdf")
 #: By which an FMU can be run, in the words of FMI; the first of them where it offers both.
 INTERFACES = ("co-simulation", "model-exchange")
+#: More processes than that are a slip of the pen on the machines of today.
+MOST_WORKERS = 256
 #: Simulation runs of an inference at most; runs that points of a batch share count once.
 BUDGET = 500_000
 #: Evaluations that a budget lasts for at least, where each takes many runs.

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.api.cost import expected_of_identification
+from fitting.api.cost import expected as expected_cost
+from fitting.api.fitted import search_options
 from fitting.inference.cost import Range, added
+from fitting.inference.determine import own_profiled
 from tests.support.in_process import told
 from tests.support.small_campaign import small_campaign
 
@@ -85,7 +87,15 @@ def test_identify_counts_the_profiles_that_it_walks(campaign: Path) -> None:
     """Its offsets have one, too: a fit has a table of their own for them."""
     problem = ff.Problem.of(campaign)
     walked = ff.identify(problem).profiled
-    assert expected_of_identification(problem, 0).profiled == len(walked) == 7
+    record = problem.record
+    whole = expected_cost(
+        record,
+        search_options(problem, None, 1, None),
+        profiles=True,
+        refits=0,
+        own=own_profiled(record),
+    )
+    assert whole.profiled == len(walked) == 7
 
 
 def test_a_range_is_told_that_means_something(expected: ff.Cost) -> None:

@@ -1,13 +1,8 @@
-"""Large files: refused at once, or a line of progress soon after the start."""
+"""Large files: refused at once, or read in one pass."""
 
 from __future__ import annotations
 
 import io
-import os
-import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +11,6 @@ import pytest
 
 from fitting.campaign.instruments.loose_tables import find_table
 from fitting.campaign.recognised import recognised
-from fitting.cli.running import progress
 from fitting.text.errors import BadInput
 from fitting.text.tables import hertz_of
 from tests.support.in_process import told
@@ -43,39 +37,6 @@ def test_names_of_many_columns_are_told_apart_in_one_pass(tmp_path: Path) -> Non
     assert len({column.name for column in found[0].columns}) == count
 
 
-class Said:
-    """A stream in a pipe that tells when something was written."""
-
-    def __init__(self) -> None:
-        self.text, self.written = "", threading.Event()
-
-    def write(self, text: str) -> int:
-        self.text += text
-        self.written.set()
-        return len(text)
-
-    def flush(self) -> None:
-        pass
-
-    def isatty(self) -> bool:
-        return False
-
-
-@pytest.mark.parametrize("size", [20_000_000, 1000])
-def test_progress_of_a_large_file_is_shown_soon(
-    size: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "large.csv"
-    path.touch()
-    os.truncate(path, size)
-    monkeypatch.setattr(progress, "LARGE_S", 0.01)
-    monkeypatch.setattr(sys, "stderr", said := Said())
-    with progress.reading("line", [path]):
-        shown = said.written.wait(30.0 if size > 1e6 else 0.2)
-    assert shown is (size > 1e6)
-    assert ("large.csv" in said.text) is shown
-
-
 def test_hertz_of_many_points_are_the_same_numbers() -> None:
     values = np.array([0.1, 6940160.0, 1e10])
     np.testing.assert_array_equal(hertz_of(values, "Hz", where=""), values)
@@ -96,23 +57,10 @@ def test_a_wide_table_is_refused_in_one_line(command: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("command", ["line", pytest.param("init", marks=pytest.mark.nightly)])
-def test_a_long_table_is_announced_and_read_a_few_times(
+def test_a_long_table_is_read_a_few_times(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is large is announced late; the table is opened as often whatever its length."""
-    monkeypatch.setattr(progress, "LARGE_BYTES", 30_000)
-    announced: list[float | None] = []
-    shown = progress.status_line
-
-    @contextmanager
-    def status_line(
-        label: str, counted: Callable[[], str] = lambda: "", *, first_s: float | None = None
-    ) -> Iterator[Callable[[str], None]]:
-        announced.append(first_s)
-        with shown(label, counted, first_s=first_s) as tell:
-            yield tell
-
-    monkeypatch.setattr(progress, "status_line", status_line)
+    """It is opened as often whatever its length."""
     opened: dict[str, int] = {}
     real = io.open
 
@@ -132,4 +80,3 @@ def test_a_long_table_is_announced_and_read_a_few_times(
         ended = told(command, tmp_path / f"{count}.csv", "--out", tmp_path / f"out{count}")
         assert ended.code == 0, ended.err
     assert opened["1500.csv"] == opened["100.csv"]
-    assert announced.count(progress.LARGE_S) == 1  # of the long one

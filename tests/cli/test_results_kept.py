@@ -116,7 +116,6 @@ def test_a_report_that_goes_is_told(tmp_path: Path, capsys: pytest.CaptureFixtur
         assert run(Namespace(out=tmp_path, number=number, report=report)) == 0
         said.append(capsys.readouterr().out)
     assert str(tmp_path) in said[3]
-    assert "report.html, values.csv and 2 " in said[3]
-    assert "figures" in said[3]
+    assert "figures/a.png, figures/b.png, report.html, values.csv" in said[3]
     assert said[3].count("\n") == 1
     assert said[:3] + said[4:] == [""] * 4

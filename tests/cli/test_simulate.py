@@ -176,8 +176,8 @@ def test_a_single_slow_tone_is_simulated(tmp_path: Path) -> None:
     [
         (["--set", "u1"], ["--set u1: ", "NAME=VALUE"]),
         (["--set", "=3"], ["--set =3: ", "NAME=VALUE"]),
-        (["--set", "U1=3 MHz"], ["'U1'", "did you mean u1"]),
-        (["--set", "thet=1"], ["'thet'", "did you mean theta"]),
+        (["--set", "U1=3 MHz"], ["'U1'", "did you mean 'u1'"]),
+        (["--set", "thet=1"], ["'thet'", "did you mean 'theta'"]),
         (["--set", "d1=nan"], ["--set d1: found 'nan'"]),
         (["--set", "solver=envelope"], ["solver: found 'envelope'"]),
         (["--set", "solver=nan"], ["solver: found 'nan'"]),

@@ -157,21 +157,12 @@ def writes(
             with results_folder(folder, command, names):
                 before = files(folder)
                 code = run(args)
-                missing = before - files(folder)
-                if folder / REPORT in missing:
-                    print(_removed_words(folder, missing))
+                missing = sorted(str(path.relative_to(folder)) for path in before - files(folder))
+                if REPORT in missing:
+                    which = "which went with an earlier report"
+                    print(f"removed from {folder}: {', '.join(missing)}, {which}")
                 return code
 
         return alone
 
     return opened
-
-
-def _removed_words(folder: Path, missing: set[Path]) -> str:
-    """Which files went, figures counted."""
-    from fitting.text.notation import how_many, listed  # loads numpy, which --help does not take
-
-    nearby = sorted(path.name for path in missing if path.parent == folder)
-    figures = len(missing) - len(nearby)
-    files = [*nearby, *([how_many(figures, "file of figures", "files of figures")] * bool(figures))]
-    return f"removed from {folder}: {listed(files)}, which went with an earlier report"

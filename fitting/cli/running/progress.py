@@ -1,4 +1,4 @@
-"""Progress: a line that lives on a terminal, or one now and then in a file; times taken."""
+"""Progress: a line that lives on a terminal, or one now and then in a file."""
 
 from __future__ import annotations
 
@@ -8,14 +8,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import partial
 from pathlib import Path
 
 TICK_S = 1.0  # on a terminal, where the seconds are seen to run
 #: In a pipe: silence before the first line, part of the time so far between lines, and most of it.
 FIRST_S, PART, MOST_S = 10.0, 0.1, 60.0
-#: Files that are large together, and the silence before the first line about them.
-LARGE_BYTES, LARGE_S = 1_000_000, 2.0
 _HIDDEN: ContextVar[bool] = ContextVar("hidden", default=False)
 
 
@@ -42,7 +39,7 @@ def above_status(line: str) -> None:
 
 @contextmanager
 def status_line(
-    label: str, counted: Callable[[], str] = lambda: "", *, first_s: float | None = None
+    label: str, counted: Callable[[], str] = lambda: ""
 ) -> Iterator[Callable[[str], None]]:
     """What is under way and for how long, on stderr.
 
@@ -53,13 +50,12 @@ def status_line(
     Args:
         label: that goes before the text.
         counted: what is going on inside, as "120 runs"; asked whenever the line is shown.
-        first_s: silence before the first line in a pipe, s; None: the usual one.
     """
     stated = [""]
     if _HIDDEN.get():
         yield lambda text: stated.__setitem__(0, text)
         return
-    show = _terminal if sys.stderr.isatty() else partial(_pipe, first_s=first_s)
+    show = _terminal if sys.stderr.isatty() else _pipe
     ended = threading.Event()
     shower = threading.Thread(
         target=show, args=(label, lambda: listed_words(stated[0], counted()), ended), daemon=True
@@ -74,17 +70,14 @@ def status_line(
 
 @contextmanager
 def reading(label: str, files: Sequence[Path]) -> Iterator[None]:
-    """Files are read and looked at; of large ones that is shown soon in a pipe, too.
+    """Files are read and looked at.
 
     Args:
         label: that goes before the text.
         files: that are read, which need not be there.
     """
-    sizes = [file.stat().st_size for file in files if file.is_file()]
-    large = sum(sizes) > LARGE_BYTES
-    name = files[0].name if len(files) == 1 else f"{len(files)} files"
-    with status_line(label, first_s=LARGE_S if large else None) as tell:
-        tell(f"reads {name}" + (f", {sum(sizes) / 1e6:.0f} MB" if large else ""))
+    with status_line(label) as show:
+        show(f"reads {files[0].name if len(files) == 1 else f'{len(files)} files'}")
         yield
 
 
@@ -105,42 +98,9 @@ def _terminal(label: str, text: Callable[[], str], ended: threading.Event) -> No
             bar.set_postfix_str(text())
 
 
-def _pipe(
-    label: str, text: Callable[[], str], ended: threading.Event, *, first_s: float | None = None
-) -> None:
-    started, wait_s = time.monotonic(), FIRST_S if first_s is None else first_s
-    while True:
-        if ended.wait(wait_s):
-            return
+def _pipe(label: str, text: Callable[[], str], ended: threading.Event) -> None:
+    started, wait_s = time.monotonic(), FIRST_S
+    while not ended.wait(wait_s):
         wait_s = min(max(FIRST_S, PART * (time.monotonic() - started)), MOST_S)
         after = f"{time.monotonic() - started:.0f} s"
         print(f"{label}: {listed_words(text(), after)}", file=sys.stderr, flush=True)
-
-
-class Laps:
-    """A clock that runs from its making on; each lap is the time since the one before it.
-
-    Args:
-        clock: measures seconds.
-    """
-
-    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
-        self.clock = clock
-        self._times = [clock()]
-        self._names: list[str] = []
-
-    def end(self, name: str) -> None:
-        """A part has ended.
-
-        Args:
-            name: of the part, in words that stand behind its seconds.
-        """
-        self._names.append(name)
-        self._times.append(self.clock())
-
-    @property
-    def words(self) -> str:
-        """One line: seconds in all, and of each part."""
-        pairs = zip(self._times, self._times[1:], strict=False)
-        parts = [f"{b - a:.1f} {n}" for (a, b), n in zip(pairs, self._names, strict=True)]
-        return f"took {self._times[-1] - self._times[0]:.1f} s: {', '.join(parts)}"

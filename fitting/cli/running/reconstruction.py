@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import fitting as ff
-from fitting.api.cost import expected_of
+from fitting.api.cost import expected
 from fitting.api.early import RESULT_FILES
 from fitting.api.fitted import Spent, Valued, kept_levels, search_options
 from fitting.api.jobs import check_style, draw_report
@@ -17,7 +17,7 @@ from fitting.api.problem import Campaign
 from fitting.cli.running.campaigns import command_again, command_line, fmu_for
 from fitting.cli.running.interrupts import to_the_end
 from fitting.cli.running.output import hand_over
-from fitting.cli.running.progress import Laps, status_line
+from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
 from fitting.report.screen import line_item, printed_lines
 from fitting.report.summary import detail_lines, result_lines
@@ -36,13 +36,12 @@ EXIT_CODES = {"converged": 0, "does not describe the data": 4}
 PASSING = (*RESULT_FILES, "fmu/*.fmu")
 
 
-def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
+def reconstruct(args: argparse.Namespace, out: Path) -> int:
     """Reconstruct and write; 0 if converged, 4 if the data are not described, else 1.
 
     Args:
         args: of the command.
         out: folder of the results.
-        laps: the clock of the command.
 
     Raises:
         BadInput: campaign, data or FMU are not what they should be.
@@ -60,7 +59,6 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
         units = {p.name: p.unit for p in record.parameters if not p.experiments}
         units |= {name: variables[name].unit or "" for name in record.outputs}
         check_external(args.external, units)
-        laps.end("to begin")
         # the finished levels of this very job, or none yet
         method, starts = _method(args, problem), _starts(args)
         options = search_options(problem, method, starts, args.seed)
@@ -68,8 +66,8 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
         if args.resume:
             print(memory.resumed())
         profiles, refits = not args.no_profiles, args.bootstrap or 0
-        expected = expected_of(problem, method, starts, profiles=profiles, refits=refits)
-        remaining = Remaining(expected, drawn=not args.no_report)
+        whole = expected(record, options, profiles=profiles, refits=refits)
+        remaining = Remaining(whole, drawn=not args.no_report)
         try:
             with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as show:
                 show("planning")
@@ -84,12 +82,10 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
                 fitted.command = command_line(args)
                 with to_the_end():
                     outcome = Outcome(fitted, fitted.result, fitted.status != "interrupted")
-                laps.end("to fit")
                 if profiles and outcome.is_complete:
                     outcome = _profiled(
                         args, out, fitted, lambda spent: show(remaining.walking(spent))
                     )
-                    laps.end("for the profiles")
         except NoScale as refused:
             named = ", ".join(str(path) for path in args.campaign)
             raise ff.BadInput(f"{named}: {refused}") from None
@@ -100,14 +96,10 @@ def reconstruct(args: argparse.Namespace, out: Path, laps: Laps) -> int:
             if len(memory):
                 failure.add_note(kept)
             raise
-    _report(args, out, outcome, remaining)
+    _report(args, out, outcome)
     if not outcome.is_complete:
         return 1
     memory.remove()  # when all is done that may be killed
-    if not args.no_report:
-        laps.end("for the report")
-    if args.verbose:
-        print(laps.words)
     return EXIT_CODES.get(outcome.result.status, 1)
 
 
@@ -140,7 +132,7 @@ def _profiled(
     return outcome
 
 
-def _report(args: argparse.Namespace, out: Path, outcome: Outcome, remaining: Remaining) -> None:
+def _report(args: argparse.Namespace, out: Path, outcome: Outcome) -> None:
     """Files, first screen and report of a result."""
     result = outcome.result
     files = write_result(result, out)  # before anything else that may fail
@@ -156,14 +148,14 @@ def _report(args: argparse.Namespace, out: Path, outcome: Outcome, remaining: Re
     elif args.no_report:
         print(line_item("results", str(files[0])))
     else:
-        with status_line(NAME, remaining.left) as show:
-            show(remaining.report())
+        with status_line(NAME) as show:
+            show("figures and report")
             page = draw_report(
                 outcome.valued,
                 result,
                 out,
                 args.style or STYLES[0],
-                lambda done, of: show(remaining.drawing(done, of)),
+                lambda done, of: show(f"figure {done + 1} of {of}" if done < of else "report"),
                 args.formats,
             )
         hint = "" if args.verbose else "   (--verbose prints all that was found)"

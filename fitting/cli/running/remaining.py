@@ -10,21 +10,17 @@ from fitting.api.cost import Expected, Range, added, times
 from fitting.api.fitted import Progress, Spent
 from fitting.cli.running.progress import listed_words
 
-#: Evaluations and seconds that a pace was seen for before it is told: the first evaluations are not
-#: like the rest.
+#: Evaluations and seconds that a pace was seen for before it is printed: the first evaluations are
+#: not like the rest.
 ENOUGH, LEAST_S = 50, 2.0
-#: What was said runs down like a clock until a new estimate is off by this factor.
+#: What was printed runs down like a clock until a new estimate is off by this factor.
 CALM = 1.5
-#: A batch of evaluations this many times slower than those before it was held up, and tells
-#: nothing of those that follow.
-DELAYED = 10.0
-#: Figures that a report is expected to have, its page counted as one, and seconds of each before
-#: any was drawn.
-FIGURES, FIGURE_S = 10, (0.5, 2.0)
+#: What figures and report take, s, least and most.
+REPORT_S = (5.0, 20.0)
 
 
 class Remaining:
-    """Follows a fit, its profiles and its report: what is being done, and how long all of it takes.
+    """Follows a fit and its profiles: what is being done, and how long the whole job still takes.
 
     Args:
         expected: evaluations that the parts of the job are expected to take.
@@ -36,12 +32,10 @@ class Remaining:
         self, expected: Expected, *, drawn: bool = True, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._expected, self._clock = expected, clock
+        self._report_s: Range = REPORT_S if drawn else (0.0, 0.0)
         self._seconds_each = math.nan
-        # of profiles: evaluations and their seconds; total, size and time of the last batch
-        self._evaluations, self._seconds = 0, 0.0
-        self._last: tuple[int, int, float] | None = None
-        self._drawing_s: Range = times(FIGURES if drawn else 0.0, FIGURE_S)
-        self._drawing_began_s = math.nan
+        # of profiles: when they began, what was requested since, and the total of the last time
+        self._began_s, self._requested, self._total = math.nan, 0, 0
         self._printed_s: Range | None = None
 
     def searching(self, state: Progress) -> str:
@@ -51,8 +45,7 @@ class Remaining:
             state: as `fitting.fit` hands it out.
         """
         e = self._expected
-        if state.elapsed_s >= LEAST_S and state.evaluations >= ENOUGH:
-            self._seconds_each = state.elapsed_s / state.evaluations
+        self._see(state.evaluations, state.elapsed_s)
         share = 1.0 - state.done / max(state.of, 1)
         if state.stage == "search":
             words = [f"search, alternative {state.done + 1}/{state.of}"]
@@ -71,44 +64,15 @@ class Remaining:
         Args:
             spent: as `fitting.profile` hands it out.
         """
-        # by now those asked for before have been made; their total begins anew where it falls
-        now_s = self._clock()
-        before, requested, then_s = self._last or (0, 0, now_s)
-        self._last = (spent.total, max(spent.total - before, 0), now_s)
-        seconds = now_s - then_s
-        if self._evaluations >= ENOUGH:  # but for what held this batch up
-            usual_s = self._seconds / self._evaluations * max(requested, 1)
-            seconds = min(seconds, DELAYED * usual_s)
-        self._evaluations += requested
-        self._seconds += seconds
-        if self._evaluations >= ENOUGH and self._seconds >= LEAST_S:
-            self._seconds_each = self._seconds / self._evaluations
+        # by now what was requested before has been made; its total begins anew where it falls
+        if math.isnan(self._began_s):
+            self._began_s = self._clock()
+        self._see(self._requested, self._clock() - self._began_s)
+        self._requested += max(spent.total - self._total, 0)
+        self._total = spent.total
         self._expect(self._expected.left(spent.stage, spent.evaluations))
         count = f"{spent.evaluations} evaluations"
         return f"profiles of {self._expected.profiled} values: {spent.stage}, {count}"
-
-    def report(self) -> str:
-        """What is printed before the first figure, whose number is not known yet."""
-        self._printed_s = None
-        self._expect((0.0, 0.0))
-        return "figures and report"
-
-    def drawing(self, done: int, of: int) -> str:
-        """Where the figures are, in words.
-
-        Args:
-            done: figures that are drawn.
-            of: figures in all.
-        """
-        now_s = self._clock()
-        if not done:
-            self._drawing_began_s = now_s
-        each = FIGURE_S
-        if done:
-            each = times((now_s - self._drawing_began_s) / done, (1.0, 1.0))
-        self._drawing_s = times(of - done + 1, each)
-        self._expect((0.0, 0.0))
-        return f"figure {done + 1} of {of}" if done < of else "report"
 
     def left(self) -> str:
         """How long all of it still takes, in words; nothing before a pace was seen."""
@@ -125,13 +89,17 @@ class Remaining:
             return f"about {high} {unit} left"
         return f"up to {high} {unit} left" if low == "0" else f"{low} to {high} {unit} left"
 
+    def _see(self, evaluations: int, seconds: float) -> None:
+        """So many evaluations have taken so long."""
+        if evaluations >= ENOUGH and seconds >= LEAST_S:
+            self._seconds_each = seconds / evaluations
+
     def _expect(self, evaluations: Range) -> None:
-        """So many evaluations are left before the figures; what is printed stays if it is close."""
-        if max(evaluations) > 0.0 and not self._seconds_each > 0.0:
+        """So many evaluations are left before the report; what is printed stays if it is close."""
+        if math.isnan(self._seconds_each):
             return
         now_s = self._clock()
-        seconds_each = self._seconds_each if max(evaluations) > 0.0 else 0.0
-        low_s, high_s = added(times(seconds_each, evaluations), self._drawing_s)
+        low_s, high_s = added(times(self._seconds_each, evaluations), self._report_s)
         if self._printed_s is not None:
             low_then_s, high_then_s = (max(at_s - now_s, 0.0) for at_s in self._printed_s)
             if max(high_s, high_then_s) <= CALM * min(high_s, high_then_s):

@@ -1,19 +1,13 @@
-"""What an FMU is driven with, from words on the command line: start values, options in errors."""
+"""The FMU that a command is given, and its errors in the words of the command line."""
 
 from __future__ import annotations
 
 import argparse
-import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import fitting as ff
-from fitting.cli.words.options import quantity
-
-if TYPE_CHECKING:
-    from fitting.text.arrays import Scalar
 
 #: An error of the library about one of its arguments, and perhaps about one name in it.
 ARGUMENT = re.compile(r"(\w+)(?: '([^']*)')?: ", re.ASCII)
@@ -59,38 +53,3 @@ def complaints_of_options() -> Iterator[None]:
                 line = f"{OPTIONS[match[1]]}{name}: {line[match.end() :]}"
             lines.append(line)
         raise ff.BadInput(*lines) from error
-
-
-def start_values(assignments: Sequence[str], fmu: ff.Fmu) -> dict[str, Scalar]:
-    """Start values from texts "NAME=VALUE" with written units, in the FMU's units.
-
-    Args:
-        assignments: words NAME=VALUE of the command line.
-        fmu: the FMU.
-
-    Raises:
-        BadInput: no such word, variable or value.
-    """
-    values: dict[str, Scalar] = {}
-    for text in assignments:
-        name, equals, value = (part.strip() for part in text.partition("="))
-        if not (name and equals):
-            raise ff.BadInput(f"--set {text}: wanted NAME=VALUE")
-        variable, where = fmu.description.variable(name), f"--set {name}"
-        if variable.kind == "String":
-            values[name] = value
-        elif variable.kind == "Boolean":
-            if value.lower() not in ("true", "false", "1", "0"):
-                raise ff.BadInput(f"{where}: found {value!r}, wanted true or false")
-            values[name] = value.lower() in ("true", "1")
-        elif variable.kind == "Integer":
-            try:
-                number = float(value)
-            except ValueError:
-                number = math.nan
-            if not number.is_integer():
-                raise ff.BadInput(f"{where}: found {value!r}, wanted a whole number")
-            values[name] = int(number)
-        else:
-            values[name] = quantity(value, variable.unit or "1", where=where)
-    return values

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import fitting as ff
-from fitting.text.choices import BUDGET, EVALUATIONS, INTERFACES
+from fitting.text.choices import BUDGET, EVALUATIONS, INTERFACES, MOST_WORKERS
 from fitting.text.errors import BadInput, shown
-from fitting.text.units import checked_accuracy, convert, parse_quantity
+from fitting.text.units import Written, checked_accuracy, in_unit
 
 #: Where no limit is stated: a count beyond that would take years, or all memory.
 MOST = 10**6
@@ -79,13 +79,6 @@ number_of_steps = _number_of(
 )
 
 
-def worker_count(text: str) -> int:
-    """An argparse type: a number of worker processes."""
-    from fitting.api.fmu import MOST_WORKERS  # takes libraries along, help does not
-
-    return whole_number(1, MOST_WORKERS)(text)
-
-
 def default_workers() -> int:
     """Worker processes where none are asked for: one per processor, up to 8."""
     return min(os.cpu_count() or 1, 8)
@@ -139,14 +132,7 @@ def quantity(text: str, unit: str, *, where: str) -> float:
 
     Raises BadInput, beginning with ``where``.
     """
-    try:
-        is_finite = math.isfinite(float(text))  # "nan" looks like a word to the reader of units
-    except ValueError:  # text with a unit
-        is_finite = True
-    if not is_finite:
-        raise BadInput(f"{where}: found {shown(text)}, wanted a finite number")
-    number, written = parse_quantity(text, where=where)
-    return number if written is None else convert(number, written, unit, where=where)
+    return in_unit(Written(text, None, where), unit)
 
 
 def rising_range(
@@ -178,6 +164,25 @@ def folder_names(*paths: Path) -> str:
         *paths: of the files, which need not be there.
     """
     return "+".join(dict.fromkeys(Path(os.path.abspath(path)).parent.name for path in paths))
+
+
+def assigned(option: str, texts: Sequence[str]) -> dict[str, str]:
+    """Values by name, from words NAME=VALUE.
+
+    Args:
+        option: whose words they are.
+        texts: of the command line.
+
+    Raises:
+        BadInput: a word without a name or a value.
+    """
+    result = {}
+    for text in texts:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not (name and value):
+            raise BadInput(f"{option} {text}: wanted NAME=VALUE")
+        result[name] = value
+    return result
 
 
 # --- the table -----------------------------------------------------------------------------------
@@ -241,7 +246,9 @@ SHARED: Options = {
     "--out": {"type": Path},
     "--seed": {"type": whole_number(0, MOST_SEED)},
     "--starts": {"type": whole_number(1)},
-    "--workers": value("worker processes (one per processor, up to 8)", read=worker_count),
+    "--workers": value(
+        "worker processes (one per processor, up to 8)", read=whole_number(1, MOST_WORKERS)
+    ),
     "--no-profiles": "1σ from the covariance; no profiles",
     "--no-report": "neither figures nor report.html",
     "--changed-data": "use a fit of other or changed data files",
