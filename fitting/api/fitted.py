@@ -94,22 +94,17 @@ class Tikhonov:
     quick: bool = False
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.nu < math.inf:
-            raise BadInput(f"Tikhonov: nu is {self.nu!r}, wanted zero or more")
-        if not 0.0 < self.beta < 1.0:
-            raise BadInput(f"Tikhonov: beta is {self.beta!r}, wanted a factor between 0 and 1")
-        if self.levels < 1:
-            raise BadInput(f"Tikhonov: levels is {self.levels!r}, wanted at least 1")
-        if not self.tolerance > 0.0:
-            raise BadInput(f"Tikhonov: tolerance is {self.tolerance!r}, wanted more than zero")
-        if self.misfit is not None and self.misfit not in MISFITS:
-            raise BadInput(
-                f"Tikhonov: misfit is {self.misfit!r}, wanted one of {', '.join(MISFITS)}"
-            )
-        if self.estimator not in ESTIMATORS:
-            raise BadInput(
-                f"Tikhonov: estimator is {self.estimator!r}, wanted one of {', '.join(ESTIMATORS)}"
-            )
+        for name, is_allowed, wanted in (
+            ("nu", 0.0 <= self.nu < math.inf, "zero or more"),
+            ("beta", 0.0 < self.beta < 1.0, "a factor between 0 and 1"),
+            ("levels", self.levels >= 1, "at least 1"),
+            ("tolerance", self.tolerance > 0.0, "more than zero"),
+            ("misfit", self.misfit in (None, *MISFITS), f"one of {', '.join(MISFITS)}"),
+            ("estimator", self.estimator in ESTIMATORS, f"one of {', '.join(ESTIMATORS)}"),
+        ):
+            if not is_allowed:
+                value = getattr(self, name)
+                raise BadInput(f"Tikhonov: {name} is {value!r}, wanted {wanted}")
 
     @classmethod
     def of(cls, options: Options) -> Tikhonov:

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 
 from fitting.api.fitted import Inference, Value, Valued
 from fitting.lines.record import MeasuredLine
+from fitting.measurements.figure import Figure
 from fitting.report.figures import fit, inference, measurements, tones
 from fitting.report.figures.simulate import (
     amplitude_spectrum,
@@ -94,20 +95,15 @@ def profile(result: Inference | Value, name: str = "", *, ax: Axes | None = None
         BadInput: a value that there is not, or whose profile was not scanned.
     """
     if isinstance(result, Valued):
-        result = _value_of(result, name)
+        scanned = [key for key, value in result.values.items() if value.scan is not None]
+        name = scanned[0] if not name and len(scanned) == 1 else name
+        if name not in scanned:
+            known = f"one of {', '.join(scanned)}" if scanned else "what fitting.profile returns"
+            raise BadInput(f"plot: no profile of '{name}', wanted {known}")
+        result = result[name]
     if result.scan is None:
         raise BadInput(f"plot: '{result!r}' has no profile, wanted a value of fitting.profile(fit)")
     return inference.profile(result, result.scan, ax=ax)
-
-
-def _value_of(result: Valued, name: str) -> Value:
-    """The value of that name, or the one that has a profile."""
-    scanned = [key for key, value in result.values.items() if value.scan is not None]
-    name = scanned[0] if not name and len(scanned) == 1 else name
-    if name not in scanned:
-        stated = f"one of {', '.join(scanned)}" if scanned else "what fitting.profile(fit) returns"
-        raise BadInput(f"plot: no profile of '{name}', wanted {stated}")
-    return result[name]
 
 
 @renamed
@@ -116,10 +112,14 @@ def parameter_path(result: Valued | Result, *names: str, ax: Axes | None = None)
 
     Args:
         result: A fit, an inference, or a result.
-        names: Of the parameters; none: all.
+        names: Of parameters of one unit; none: all that have the unit of the first.
         ax: Where to draw; None: pyplot's current axes.
     """
-    return fit.parameter_path(_result(result), *names, ax=ax)
+    record = _result(result)
+    units = {name: p.unit for name, p in record.parameters.items()}
+    first = next(iter(units.values()))
+    alike = (name for name, unit in units.items() if unit == first)
+    return fit.parameter_path(record, *(names or alike), ax=ax)
 
 
 @renamed
@@ -189,10 +189,7 @@ def measurement(result: Valued, name: str = "", *, number: int = 0, ax: Axes | N
         name = re.sub(r"^\d+_", "", name)
     if not figures or (name and name not in figures):
         raise BadInput(f"plot: no figure '{name}', wanted one of {', '.join(figures) or 'none'}")
-    panels = figures[name or next(iter(figures))].panels
-    if not 0 <= number < len(panels):
-        raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
-    return measurements.panel(panels[number], among=panels, ax=ax)
+    return _panel(figures[name or next(iter(figures))], number, ax)
 
 
 @renamed
@@ -227,7 +224,11 @@ def line(result: MeasuredLine, *, number: int = 0, ax: Axes | None = None) -> Ax
     """
     if not isinstance(result, MeasuredLine):
         raise BadInput(f"plot: found a {type(result).__name__}, wanted what fitting.line returns")
-    panels = figure_of(result).panels
+    return _panel(figure_of(result), number, ax)
+
+
+def _panel(figure: Figure, number: int, ax: Axes | None) -> Axes:
+    panels = figure.panels
     if not -len(panels) <= number < len(panels):
         raise BadInput(f"plot: no panel {number}, there are {len(panels)}, counted from 0")
     return measurements.panel(panels[number], among=panels, ax=ax)

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.text import Annotation
 
+import fitting as ff
 from fitting.result.result import SweepCurves
 from tests.support import plot_records
 from tests.support import plots as plot
@@ -307,3 +308,9 @@ def test_a_single_tone_has_no_beating() -> None:
     object.__setattr__(alone, "beating", None)
     with pytest.raises(ValueError, match="no beating"):
         plot.beating(alone, "q1")
+
+
+def test_without_names_the_parameters_of_the_first_unit_are_drawn(axes: Axes) -> None:
+    ff.plot.parameter_path(RESULT, ax=axes)
+    units = [p.unit for p in RESULT.parameters.values()]
+    assert len(axes.get_legend_handles_labels()[1]) == units.count(units[0])
