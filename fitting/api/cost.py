@@ -19,7 +19,8 @@ from fitting.inference.cost import Range as Range
 from fitting.inference.cost import added as added
 from fitting.inference.cost import expected as expected
 from fitting.inference.cost import times as times
-from fitting.text.errors import BadInput
+from fitting.inference.determine import own_profiled as own_profiled
+from fitting.text.arguments import checked
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +45,7 @@ class Cost(HtmlText):
     seconds: Range
 
 
+@checked
 @one_thread()
 def cost(
     problem: Problem,
@@ -67,8 +69,6 @@ def cost(
         BadInput: the problem cannot be planned, or settings out of their range.
         FmuFailure: the FMU failed at the start.
     """
-    if not isinstance(problem, Problem):
-        raise BadInput(f"cost: found a {type(problem).__name__}, wanted a Problem")
     options = search_options(problem, method, starts, None)
     record, workers = problem.record, problem.fmu.workers
     whole = expected(record, options, profiles=profiles, refits=bootstrap)

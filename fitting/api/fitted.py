@@ -600,8 +600,6 @@ def fit(
         BadInput: the problem cannot be planned, or settings out of their range.
         FmuFailure: the FMU failed inside the box.
     """
-    if not isinstance(problem, Problem):
-        raise BadInput(f"fit: found a {type(problem).__name__}, wanted a Problem")
     started = time.perf_counter()
     options = search_options(problem, method, starts, seed)
     hooks = Hooks(progress=progress or (lambda state: None), memory=memory)
@@ -694,8 +692,6 @@ def profile(
 
     Source: D. Venzon and S. Moolgavkar, Applied Statistics 37 (1988) 87.
     """
-    if not isinstance(fit, Fit):
-        raise BadInput(f"profile: found a {type(fit).__name__}, wanted a Fit")
     started = time.perf_counter()
     requested = (names,) if isinstance(names, str) else tuple(names or ())
     record = fit.problem.record

@@ -8,7 +8,6 @@ import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
-from os import PathLike
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar
@@ -147,8 +146,6 @@ class Fmu:
         native: bool = False,
         output_delay_steps: int = 0,
     ) -> None:
-        if not isinstance(source, str | PathLike):
-            raise BadInput(f"Fmu: found a {type(source).__name__}, wanted a path or a model's name")
         is_model = isinstance(source, str) and source.isidentifier()
         self._model, self._native = str(source) if is_model else "", native
         path = self._built(self._model) if is_model else source

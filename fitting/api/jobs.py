@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from fitting.api.early import RESULT_FILES
-from fitting.api.fitted import Valued
+from fitting.api.fitted import Fit, Inference, Valued
 from fitting.api.printed import written
 from fitting.api.problem import Problem
 from fitting.engine.threads import one_thread
@@ -63,7 +63,6 @@ def identify(  # noqa: PLR0913 - keywords, of which most have defaults
             settings that name no part of the measurements.
         FmuFailure: the FMU failed.
     """
-    check_problem("identify", problem)
     alone = problem.part(settings) if settings else None  # refused before the long run
     fitted = at.result if isinstance(at, Valued) else at
     if fitted is not None and not expected:  # else no measured value is looked at
@@ -103,23 +102,10 @@ def identify(  # noqa: PLR0913 - keywords, of which most have defaults
     )
 
 
-def check_problem(verb: str, problem: object) -> None:
-    """Complain of what is no problem.
-
-    Args:
-        verb: What was called.
-        problem: What it was given.
-
-    Raises:
-        BadInput: it is something else.
-    """
-    if not isinstance(problem, Problem):
-        raise BadInput(f"{verb}: found a {type(problem).__name__}, wanted a Problem")
-
-
 @renamed
+@checked
 def report(
-    result: Valued,
+    result: Fit | Inference,
     out: str | Path,
     *,
     external: Sequence[str] = (),
@@ -147,8 +133,6 @@ def report(
     for name in formats:
         if name not in FORMATS:
             raise BadInput(f"report: formats has {name!r}, wanted some of {', '.join(FORMATS)}")
-    if not isinstance(result, Valued):
-        raise BadInput(f"report: found a {type(result).__name__}, wanted a Fit or an Inference")
     record = with_external(result.result, external)
 
     def write(to: Path) -> Path:

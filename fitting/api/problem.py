@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import filecmp
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
@@ -36,7 +37,6 @@ from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
 from fitting.measurements.noise import NoiseSpectrum
 from fitting.measurements.traces import Trace
-from fitting.result.provenance import sha256_of
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, shown
 from fitting.text.units import checked_accuracy, convert
@@ -127,7 +127,7 @@ class Problem:
         if not read:
             raise BadInput("problem: no campaigns, wanted at least one")
         if fmu is None:
-            fmu = named_fmu(one_fmu(read))
+            fmu = fmu_of(read)
         bound = [bind(campaign, fmu.variables) for campaign in read]
         if accuracy is not None:
             accuracy = checked_accuracy(accuracy, "accuracy")
@@ -409,54 +409,37 @@ class Problem:
 
 def fmu_of(
     campaigns: Sequence[Campaign],
-    folder: str | Path,
-    workers: int,
+    folder: Path | None = None,
+    workers: int = 2,
     *,
     isolate: Isolate = False,
     native: bool = False,
 ) -> Fmu:
-    """The FMU that campaigns name; a model of this project is built into a folder.
+    """The FMU that campaigns name.
 
     Args:
         campaigns: One or more that are fitted together.
-        folder: Where it is built.
+        folder: Where a model of this project is built; None: where it goes with the FMU.
         workers: Number of processes, at least 1.
         isolate: Whether they run isolated, see `Fmu`.
         native: Whether a model is compiled, whatever the campaigns state.
 
     Raises:
-        BadInput: they name different ones, or one that is not there.
+        BadInput: they name different ones, or one that is not there, or that this machine cannot
+            run.
     """
     named = one_fmu(campaigns)
     named = replace(named, native=named.native or (native and named.model is not None))
-    path = provide_fmu(named, Path(folder))
-    return Fmu(
-        path,
-        workers,
-        named.timeout_s,
-        isolate=isolate,
-        interface=named.interface,
-        output_delay_steps=named.output_delay_steps,
-    )
-
-
-def named_fmu(named: WrittenFmu, workers: int = 2) -> Fmu:
-    """The FMU that a campaign names; a model of this project is built on the spot.
-
-    Args:
-        named: What the campaign states of it.
-        workers: Number of processes, at least 1.
-
-    Raises:
-        BadInput: no such file or model, or no FMU that this machine can run.
-    """
-    source = named.file or str(named.model)
+    source: str | Path = named.file or str(named.model)
+    if folder is not None:
+        source = provide_fmu(named, folder)
     return Fmu(
         source,
         workers,
         named.timeout_s,
+        isolate=isolate,
         interface=named.interface,
-        native=named.native,
+        native=named.native and folder is None,  # else it is compiled already
         output_delay_steps=named.output_delay_steps,
     )
 
@@ -473,29 +456,24 @@ def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
     first = campaigns[0]
     for other in campaigns[1:]:
         one, two = first.file.fmu, other.file.fmu
-        if not (one.model == two.model and _is_one_file(one.file, two.file)):
-            raise BadInput(
-                f"{other.path}: [fmu]: {two.model or two.file}, but {first.path} has "
-                f"{one.model or one.file}; wanted the same in campaigns that are fitted together"
-            )
-        for key in ("interface", "output_delay_steps"):
-            here, there = getattr(one, key), getattr(two, key)
-            if here != there:
+        pairs = {"": (one.model or one.file, two.model or two.file)}
+        pairs |= {
+            f" {key}": (getattr(one, key), getattr(two, key))
+            for key in ("interface", "output_delay_steps")
+        }
+        for key, (here, there) in pairs.items():
+            if here != there and not (key == "" and _is_one_file(one.file, two.file)):
                 raise BadInput(
-                    f"{other.path}: [fmu] {key}: {there or 'none'}, but {first.path} has "
+                    f"{other.path}: [fmu]{key}: {there or 'none'}, but {first.path} has "
                     f"{here or 'none'}; wanted the same in campaigns that are fitted together"
                 )
     return first.file.fmu
 
 
 def _is_one_file(one: Path | None, other: Path | None) -> bool:
-    """Whether two paths lead to one content, however they are written; or none is there."""
-    if one is None or other is None:
-        return one is other
-    if one.resolve() == other.resolve():
-        return True
+    """Whether two paths lead to one content, however they are written."""
     try:
-        return one.stat().st_size == other.stat().st_size and sha256_of(one) == sha256_of(other)
+        return one is not None and other is not None and filecmp.cmp(one, other, shallow=False)
     except OSError:  # complained of where it is opened
         return False
 

@@ -59,10 +59,9 @@ def run(args: argparse.Namespace) -> int:
         BadInput: campaign, result or FMU are not what they should be.
         FmuFailure: the FMU failed.
     """
-    from fitting.api.cost import expected
+    from fitting.api.cost import expected, own_profiled
     from fitting.api.fitted import search_options
     from fitting.cli.running.remaining import Remaining, counted
-    from fitting.inference.determine import own_profiled
     from fitting.report.identification import identification_lines, write_report
     from fitting.text.records import write_json
 

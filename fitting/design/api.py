@@ -29,13 +29,13 @@ from fitting.design.weighing import Goal, Start, Weighed, weigh
 from fitting.extension.problem import (
     Result,
     Valued,
-    check_problem,
     one_thread,
     read_result,
     require_same_data,
 )
 from fitting.extension.records import BoundCampaign, bind
 from fitting.extension.report import phrases
+from fitting.text.arguments import checked
 from fitting.text.choices import CRITERIA
 from fitting.text.errors import BadInput
 from fitting.text.results_folder import remove_earlier, results_folder, write_all, write_whole
@@ -145,6 +145,7 @@ class WaysToMeasure:
             return [write_design(self.ways, folder), *campaigns]
 
 
+@checked
 def limits(problem: Problem, candidates: str | Path | None = None) -> Limits:
     """Limits of the instrument: by the campaign's table [design], else by its measurements.
 
@@ -160,6 +161,7 @@ def limits(problem: Problem, candidates: str | Path | None = None) -> Limits:
     return _limits(problem, _bound(problem)[0], candidates)[0]
 
 
+@checked
 @one_thread()
 def design(
     problem: Problem,
@@ -202,6 +204,7 @@ def design(
     return NextMeasurements(made, problem, instrument)
 
 
+@checked
 @one_thread()
 def ways(
     problem: Problem,
@@ -288,7 +291,6 @@ def ways(
 
 
 def _bound(problem: Problem) -> list[BoundCampaign]:
-    check_problem("design", problem)
     if not problem.campaigns:
         raise BadInput("design: wanted a problem made of a campaign, Problem.of(...)")
     return [bind(campaign, problem.fmu.variables) for campaign in problem.campaigns]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitting.api.fmu import opened_fmu
-from fitting.api.problem import named_fmu, one_fmu
+from fitting.api.problem import fmu_of
 from fitting.engine.run import NeededFile, Where, opened, place_of, run
 from fitting.fmu.description import (
     FmuDescription,
@@ -28,9 +28,8 @@ __all__ = [
     "SampledSignal",
     "Segment",
     "Where",
+    "fmu_of",
     "is_late",
-    "named_fmu",
-    "one_fmu",
     "opened",
     "opened_fmu",
     "place_of",

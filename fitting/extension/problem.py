@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fitting.api.fitted import Valued, known_values, require_values
-from fitting.api.jobs import check_problem
 from fitting.campaign.parameters import (
     UNIFORM_WIDTH,
     Parameter,
@@ -61,7 +60,6 @@ __all__ = [
     "bounds",
     "canonical",
     "central",
-    "check_problem",
     "curve_structure",
     "evaluate_many",
     "fitted_noise",

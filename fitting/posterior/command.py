@@ -13,7 +13,6 @@ from fitting.extension.command import (
     command_again,
     command_line,
     declare,
-    even_number,
     fit_at,
     fmu_for,
     folder_names,
@@ -47,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     declare(parser, options)
     parser.add_argument(
         "--walkers",
-        type=even_number(LEAST_WALKERS),
+        type=whole_number(LEAST_WALKERS, even=True),
         metavar="N",
         help="walkers, even, at least twice the n parameters (24, or 2 n + 2 if that is more)",
     )

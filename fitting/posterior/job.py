@@ -20,7 +20,6 @@ from fitting.extension.problem import (
     Result,
     Structure,
     Valued,
-    check_problem,
     curve_structure,
     evaluate_many,
     fitted_noise,
@@ -100,7 +99,6 @@ class Job:
     def __init__(
         self, problem: Problem, at: Valued | Result, walkers: int | None, steps: int, seed: int
     ) -> None:
-        check_problem("posterior", problem)
         sampler_library()  # complained of before anything runs
         self.steps, self.seed = steps, seed
         places = self._take_fit(problem, at)

@@ -200,8 +200,8 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: ff.fit([1]), "fit: problem is [1]"),  # type: ignore[arg-type]
     (lambda: ff.profile("fit"), "profile: fit is"),  # type: ignore[arg-type]
     (lambda: ff.identify(1), "identify: problem is 1"),  # type: ignore[arg-type]
-    (lambda: ff.design(1), "design: found a int"),  # type: ignore[arg-type]
-    (lambda: ff.report(1, "out"), "report: found a int"),  # type: ignore[arg-type]
+    (lambda: ff.design(1), "design: problem is 1"),  # type: ignore[arg-type]
+    (lambda: ff.report(1, "out"), "report: result is 1"),  # type: ignore[arg-type]
     (lambda: ff.Sweep(SETUP, F_HZ, ["a"] * 21), "sweep: amplitude_v"),
     (lambda: ff.Drive(frequency_names=("u1",)), "0 amplitude_names"),
     (lambda: ff.Sweep(ff.Setup(ff.Drive(), "q1"), F_HZ, F_HZ), "drive"),

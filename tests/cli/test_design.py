@@ -195,7 +195,7 @@ def test_kinds_are_compared_by_one_time(tmp_path: Path) -> None:
     for name in ("amplitudes", "phases"):
         made = read_design(tmp_path / "out" / name / "design.json")
         assert made.proposals[-1].expected == expected[name]
-        assert "--time 600.0s" in made.provenance["command"]
+        assert "--time 600.0 " in made.provenance["command"]
         assert re.findall(r"\d+ s", made.limits["time"]) == ["600 s", "2 s"]
     twice = [*words, *kinds[:2], *kinds[:2], "--out", tmp_path / "out"]
     assert main([str(word) for word in twice]) == 2

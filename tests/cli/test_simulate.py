@@ -196,7 +196,7 @@ def test_a_single_slow_tone_is_simulated(tmp_path: Path) -> None:
         (["--settle", "1 Hz"], ["--settle"]),
         (["--input", "b"], ["--input", "--drive"]),
         (["--settle", "nan"], ["--settle: found 'nan'"]),
-        (["--settle=-1 s"], ["--settle: found '-1 s'"]),
+        (["--settle=-1 s"], ["--settle: found -1.0"]),
         (["--window", "0"], ["--window: found '0'"]),
         (["--timeout=-1"], ["--timeout: found '-1'"]),
         (["--samples", "0"], ["--samples: found '0'"]),

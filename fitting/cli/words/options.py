@@ -50,23 +50,21 @@ def _number_of(
     return number
 
 
-def whole_number(least: int, most: int = MOST) -> Callable[[str], int]:
-    """An argparse type: a whole number from ``least`` to ``most``."""
-    return _number_of(
-        int,
-        (lambda value: value >= least, f"a whole number of at least {least}"),
-        (lambda value: value <= most, f"a whole number of at most {most}"),
-    )
-
-
-def even_number(least: int) -> Callable[[str], int]:
-    """An argparse type: an even number from ``least``.
+def whole_number(least: int, most: int = MOST, *, even: bool = False) -> Callable[[str], int]:
+    """An argparse type: a whole number from ``least`` to ``most``.
 
     Args:
-        least: an even number.
+        least: of them.
+        most: of them.
+        even: whether odd ones are refused.
     """
-    even = (lambda value: value % 2 == 0, f"an even number of at least {least}")
-    return _number_of(whole_number(least), even)
+    kind = "an even" if even else "a whole"
+    return _number_of(
+        int,
+        (lambda value: value >= least, f"{kind} number of at least {least}"),
+        (lambda value: value <= most, f"{kind} number of at most {most}"),
+        (lambda value: not (even and value % 2), f"{kind} number"),
+    )
 
 
 #: An argparse type: a number that can be squared and cubed.
@@ -84,11 +82,6 @@ def default_workers() -> int:
     return min(os.cpu_count() or 1, 8)
 
 
-def relative_accuracy(text: str) -> float:
-    """An argparse type: the relative accuracy of ``--accuracy``, above 0 and below 1."""
-    return checked_accuracy(quantity(text, "1", where="--accuracy"), "--accuracy")
-
-
 def positive_time(option: str) -> Callable[[str], float]:
     """An argparse type: a time above zero in s, as "2 ms"; a plain number is in s.
 
@@ -96,14 +89,6 @@ def positive_time(option: str) -> Callable[[str], float]:
         option: name of the option, for errors.
     """
     return partial(positive_quantity, unit="s", where=option)
-
-
-def time_to_settle(text: str) -> float:
-    """An argparse type: the time of ``--settle`` in s, as "2 ms", or zero."""
-    settle_s = quantity(text, "s", where="--settle")
-    if settle_s < 0.0:
-        raise BadInput(f"--settle: found {text!r}, wanted a time of at least 0")
-    return settle_s
 
 
 def positive_quantity(text: str, unit: str, *, where: str) -> float:
@@ -233,7 +218,9 @@ FLAG: Mapping[str, Any] = {"action": "store_true"}
 SHARED: Options = {
     "campaign": {"type": Path, "metavar": "CAMPAIGN.toml", "help": "campaign file"},
     "fmu": value("the file (FMI 2.0 or 3.0), or a model as CoupledOscillator", "FMU"),
-    "--accuracy": {"type": relative_accuracy},
+    "--accuracy": {
+        "type": lambda text: checked_accuracy(quantity(text, "1", where="--accuracy"), "--accuracy")
+    },
     "--at": {"type": Path, "metavar": "RESULT.json"},
     "--bootstrap": {"type": whole_number(2), "metavar": "N"},
     "--budget": {"type": whole_number(1), "metavar": "N"},
@@ -261,7 +248,7 @@ SHARED: Options = {
     },
     "--native": "compile a model of this project from C: the same numbers, faster (without a "
     "compiler Python's runs)",
-    "--settle": {"type": time_to_settle, "metavar": "TIME"},
+    "--settle": {"type": partial(quantity, unit="s", where="--settle"), "metavar": "TIME"},
     "--work": value(
         "steps of the FMU that a run may take, at most (2e6)", "STEPS", number_of_steps
     ),

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import fitting
 from fitting import Fmu
-from fitting.extension.fmu import named_fmu, one_fmu
+from fitting.extension.fmu import fmu_of
 from fitting.extension.problem import one_thread
 from fitting.extension.records import Campaign, read_campaign
 from fitting.lab.names import SCENES, USUAL_SCENE
@@ -61,7 +61,7 @@ def tradeoff(
     with Scratch() as scratch, one_thread():
         campaign = campaign_of(subject, scratch)
         if fmu is None:
-            with named_fmu(one_fmu([campaign]), 1) as own:
+            with fmu_of([campaign], workers=1) as own:
                 return _studied(campaign, own, requested, Path(out or scratch), resume, progress)
         return _studied(campaign, fmu, requested, Path(out or scratch), resume, progress)
 
