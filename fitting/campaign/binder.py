@@ -443,7 +443,8 @@ def _bound(written: WrittenAssumption, bound: BoundCampaign, binder: Binder) -> 
         if name in constants:
             raise BadInput(f"{where} law: '{name}' is a constant; wanted its 'value'")
         # names of laws stand for their formulas in it
-        law = Formula(written.law, f"{where} law").written_out(setup.laws.parsed)
+        law = Formula(written.law, f"{where} law", derivatives=True)
+        law = law.written_out(setup.laws.parsed)
         formulas[name] = law.text
     elif written.value is not None and name in constants:
         constants[name] = written.value
@@ -460,7 +461,7 @@ def _bound(written: WrittenAssumption, bound: BoundCampaign, binder: Binder) -> 
         changed = {**setup.start_values, name: binder.setting(name, written.value)}
         return replace(words, setup=replace(setup, start_values=changed))
     # another law may do without some constants
-    named = {each for text in formulas.values() for each in Formula(text, where).names}
+    named = Laws(formulas, source=f"{where}:").names
     constants = {n: value for n, value in constants.items() if n in named}
     laws = bound_laws(Laws(formulas, constants, source=f"{where}:"), bound, binder)
     return replace(words, setup=replace(setup, laws=laws))
@@ -485,5 +486,5 @@ def _start(formulas: Mapping[str, str], bound: BoundCampaign, where: str) -> dic
         for other in formula.names:
             check(other, formula.where)
         own = {other: units[other] for other in formula.names}
-        laws[name] = Law(name, formula, units=own, unit=units[name])
+        laws[name] = Law(name, formula, text=text, units=own, unit=units[name])
     return laws

@@ -5,6 +5,7 @@
 
 A law names parameters (its coefficients, or variables of the FMU that are fitted), constants, and
 control quantities: whatever else places of measurements set, be it a variable of the FMU or not.
+What another law determines is that law, and d(f1, V) the derivative of the law of f1 by V.
 It is worked out in SI base units, so that every number may be written in its own.
 """
 
@@ -52,6 +53,7 @@ class Law:
 
     ``units`` are those of all its names, ``constants`` the values of those that are constant;
     ``unit`` is that of the target, empty where the FMU declares none: then no dimension is wrong.
+    ``text`` is the formula as it was written, other laws by their names.
 
     Raises:
         BadInput: it names nothing, or its dimension is not that of the target.
@@ -60,6 +62,7 @@ class Law:
     target: str
     formula: Formula
     _: KW_ONLY
+    text: str
     units: Mapping[str, str]
     constants: Mapping[str, float] = field(default_factory=dict)
     unit: str = ""
@@ -71,7 +74,7 @@ class Law:
         result = self.formula.dimension(self.units)
         if self.unit and not alike(result, dimension_of(self.unit, where=where)):
             raise BadInput(
-                f"{where}: '{self.formula.text}' is {_in(self.formula.unit_words(self.units))}, "
+                f"{where}: '{self.text}' is {_in(self.formula.unit_words(self.units))}, "
                 f"wanted {self.unit}, the unit of '{self.target}'"
             )
         scales = {name: in_base(unit, where) for name, unit in self.units.items()}
@@ -105,7 +108,7 @@ class Law:
         )
         checked = self.unit or not self.formula.dimension(self.units)
         names = {
-            "formula": (self.formula.text,),
+            "formula": (self.text,),
             "constants": tuple(constants),
             "unchecked": () if checked else (self.formula.unit_words(self.units),),
         }
@@ -121,15 +124,16 @@ class Laws:
 
     Args:
         formulas: By variable: numbers, names, pi, + - * / ** and sqrt, exp, log, cos, sin, tan,
-            acos, asin, atan.
+            acos, asin, atan; a variable that follows another law, and d(f1, V), the derivative
+            of the law of f1 by V.
         constants: Numbers that formulas name: plain, or with a unit as "1 H".
         source: Their name in errors.
         bound: The same with all units, next to an FMU.
         controls: Units of the control quantities that are no variable of the FMU.
 
     Raises:
-        BadInput: what is no formula, a formula that names nothing, a constant that is no number or
-            that no formula names.
+        BadInput: what is no formula, a formula that names nothing, laws that name each other, a
+            constant that is no number or that no formula names.
     """
 
     formulas: Mapping[str, str] = field(default_factory=dict)
@@ -144,13 +148,14 @@ class Laws:
         readers += [partial(self._check_formula, name) for name in self.formulas]
         readers += [partial(_number, n, value, self.source) for n, value in self.constants.items()]
         gathered(readers)
+        _ = self.parsed  # laws that name each other
         for name in self.numbers:
             if name not in self.names:
                 hint = did_you_mean(name, sorted(self.names))
                 raise BadInput(f"{self.source} the constant '{name}' is named by no law{hint}")
 
     def _check_formula(self, name: str) -> None:
-        formula = Formula(self.formulas[name], f"{self.source} {name}")
+        formula = Formula(self.formulas[name], f"{self.source} {name}", derivatives=True)
         if not formula.names:
             raise BadInput(
                 f"{formula.where}: '{formula.text}' names nothing; wanted a parameter or a "
@@ -159,10 +164,25 @@ class Laws:
 
     @cached_property
     def parsed(self) -> dict[str, Formula]:
-        """Formulas by the FMU's variables."""
-        return {
-            name: Formula(text, f"{self.source} {name}") for name, text in self.formulas.items()
+        """Formulas by the FMU's variables; what one names of another is written out."""
+        written = {
+            name: Formula(text, f"{self.source} {name}", derivatives=True)
+            for name, text in self.formulas.items()
         }
+        known: dict[str, Formula] = {}
+
+        def resolved(name: str, above: tuple[str, ...]) -> Formula:
+            formula = written[name]
+            if name in above:
+                chain = " -> ".join((*above[above.index(name) :], name))
+                raise BadInput(f"{formula.where}: laws name each other ({chain}); wanted an end")
+            if name not in known:
+                others = [other for other in formula.names if other in written and other != name]
+                laws = {other: resolved(other, (*above, name)) for other in others}
+                known[name] = formula.written_out(laws)
+            return known[name]
+
+        return {name: resolved(name, ()) for name in written}
 
     @cached_property
     def _remembered(self) -> dict[tuple[Scalar | None, ...], dict[str, float]]:
@@ -219,6 +239,7 @@ class Laws:
             Law(
                 target,
                 formula,
+                text=self.formulas[target],
                 units={name: units[name] for name in formula.names},
                 constants={n: self.numbers[n][0] for n in formula.names if n in self.numbers},
                 unit=targets[target],
@@ -304,7 +325,7 @@ def _finite(law: Law, known: Mapping[str, Scalar]) -> float:
             f"{name} ({law.units[name]})".removesuffix(" (1)"): float(known[name])
             for name in law.needed
         }
-        text = f"'{law.formula.text}' has no finite value"
+        text = f"'{law.text}' has no finite value"
         raise FmuFailure(text, given, Path(law.formula.where))
     return value
 

@@ -23,7 +23,7 @@ from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.units import Dimension, dimension_of, product_words
 
 #: Characters of a formula.
-LONGEST = 1000
+LONGEST = 10_000
 OPERATORS: Mapping[type[ast.operator], Callable[[FloatArray, FloatArray], FloatArray]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -42,6 +42,20 @@ FUNCTIONS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "asin": np.arcsin,
     "atan": np.arctan,
 }
+#: Their derivatives at x.
+SLOPES: Mapping[str, str] = {
+    "sqrt": "0.5/sqrt({x})",
+    "exp": "exp({x})",
+    "log": "1/({x})",
+    "cos": "-sin({x})",
+    "sin": "cos({x})",
+    "tan": "1/cos({x})**2",
+    "acos": "-1/sqrt(1 - ({x})**2)",
+    "asin": "1/sqrt(1 - ({x})**2)",
+    "atan": "1/(1 + ({x})**2)",
+}
+#: The function of a law and a name in it: the law's derivative, as d(f1, V).
+DERIVATIVE = "d"
 CONSTANTS: Mapping[str, float] = {"pi": float(np.pi)}
 #: A part of a formula, as a function of the values of its names.
 Worked = Callable[[Mapping[str, Any]], Any]
@@ -52,18 +66,22 @@ GRAMMAR = f"numbers, names, pi, + - * / ** and {', '.join(FUNCTIONS)}"
 class Formula:
     """A formula as it was written, ``where`` opens complaints about it.
 
+    `derivatives`: it may hold d(NAME, NAME), which is written out before it has a value.
+
     Raises:
         BadInput: no formula, or one that holds more than the grammar allows.
     """
 
     text: str
     where: str
+    derivatives: bool = False
 
     def __post_init__(self) -> None:
         self._check(self._tree)
 
-    def __reduce__(self) -> tuple[type[Formula], tuple[str, str]]:
-        return Formula, (self.text, self.where)  # what is worked out is no more than a memory
+    def __reduce__(self) -> tuple[type[Formula], tuple[str, str, bool]]:
+        # what is worked out is no more than a memory
+        return Formula, (self.text, self.where, self.derivatives)
 
     @cached_property
     def _tree(self) -> ast.expr:
@@ -97,6 +115,12 @@ class Formula:
             case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
                 self._check(left)
                 self._check(right)
+            case ast.Call(func=ast.Name(id=name), args=[one, two], keywords=[]) if (
+                name == DERIVATIVE and self.derivatives
+            ):
+                if not all(isinstance(part, ast.Name | ast.Attribute) for part in (one, two)):
+                    part = shown(ast.unparse(node))
+                    raise BadInput(f"{self.where}: found {part}, wanted two names in d(...)")
             case ast.Call(func=ast.Name(id=name), args=[inner], keywords=[]):
                 if name not in FUNCTIONS:
                     hint = did_you_mean(name, list(FUNCTIONS))
@@ -125,20 +149,35 @@ class Formula:
         return _worked(self._tree)
 
     def written_out(self, formulas: Mapping[str, Formula]) -> Formula:
-        """The formula in which formulas replace some names, each in brackets.
+        """The formula in which formulas replace some names, each in brackets, and d(...).
 
         Args:
             formulas: by the names that they replace; names in these are kept.
+
+        Raises:
+            BadInput: a derivative of what is none of the formulas, or by what that does not hold.
         """
+        where = self.where
 
         class Inserted(ast.NodeTransformer):
             def visit(self, node: ast.AST) -> Any:
-                if isinstance(node, ast.Name | ast.Attribute):
-                    formula = formulas.get(ast.unparse(node))
-                    return node if formula is None else formula._tree
-                if isinstance(node, ast.Call):  # the function's own name is none of the formula's
-                    node.args = [self.visit(inner) for inner in node.args]
-                    return node
+                match node:
+                    case ast.Name() | ast.Attribute():
+                        formula = formulas.get(ast.unparse(node))
+                        return node if formula is None else formula._tree
+                    case ast.Call(args=[one, two]):
+                        of, by = ast.unparse(one), ast.unparse(two)
+                        slope = _slope(formulas[of]._tree, by) if of in formulas else ""
+                        if not slope:
+                            why = f"its law does not hold '{by}'" if of in formulas else "no law"
+                            raise BadInput(
+                                f"{where}: found d({of}, {by}), where '{of}' follows {why}; "
+                                "wanted a law and a name in it"
+                            )
+                        return ast.parse(slope, mode="eval").body
+                    case ast.Call():  # the function's own name is none of the formula's
+                        node.args = [self.visit(inner) for inner in node.args]
+                        return node
                 return self.generic_visit(node)
 
         return Formula(ast.unparse(Inserted().visit(deepcopy(self._tree))), self.where)
@@ -246,6 +285,38 @@ def _names(node: ast.AST) -> list[str]:
         return [ast.unparse(node)]
     inner = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
     return [name for part in inner for name in _names(part)]
+
+
+def _slope(node: ast.expr, name: str) -> str:
+    """The derivative of a part by a name, written out; empty where it is zero everywhere."""
+    if name not in _names(node):
+        return ""
+    match node:
+        case ast.UnaryOp(op=op, operand=inner):
+            sign = "-" if isinstance(op, ast.USub) else ""
+            return f"{sign}({_slope(inner, name)})"
+        case ast.Call(func=ast.Name(id=function), args=[inner]):
+            outer = SLOPES[function].format(x=ast.unparse(inner))
+            return f"({outer})*({_slope(inner, name)})"
+        case ast.BinOp(left=left, op=op, right=right):
+            one, two = f"({ast.unparse(left)})", f"({ast.unparse(right)})"
+            first, second = _slope(left, name), _slope(right, name)
+            # of left and of right, with what is beside each
+            match op:
+                case ast.Mult():
+                    parts = f"({first})*{two}", f"({second})*{one}"
+                case ast.Div():
+                    parts = f"({first})/{two}", f"-({second})*{one}/{two}**2"
+                case ast.Pow():
+                    parts = (
+                        f"({first})*{two}*{one}**({two} - 1)",
+                        f"({second})*log({one})*{one}**{two}",
+                    )
+                case _:
+                    parts = f"({first})", f"{'-' if isinstance(op, ast.Sub) else ''}({second})"
+            kept = zip(parts, (first, second), strict=True)
+            return " + ".join(part for part, slope in kept if slope)
+    return "1"
 
 
 def _worked(node: ast.expr) -> Worked:

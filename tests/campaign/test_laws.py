@@ -229,3 +229,24 @@ def test_what_is_wrong_with_the_control_column_is_told(
     peaks.write_text(change(peaks.read_text()))
     with pytest.raises(BadInput, match=wanted):
         ff.Problem.of(ff.read_campaign(path))
+
+
+def test_a_law_names_another_and_its_derivative() -> None:
+    """f = a + b V + c V^2 in Hz, depth = 2 g U f'/f: its value, its unit, and its coefficients."""
+    laws = Laws({"f1": "a + b*V + c*V**2", "depth_f1": "2*g*U*d(f1, V)/f1"})
+    bound = laws.with_units(
+        {"f1": "Hz", "depth_f1": "1"},
+        parameters={"a": "Hz", "b": "Hz/V", "c": "Hz/V**2", "g": "1"},
+        variables={},
+        controls={"V": "V", "U": "mV"},
+    )
+    values = bound.applied({"V": 3.0, "U": 20.0}, {"a": 1e6, "b": 200.0, "c": -15.0, "g": 0.5})
+    f1 = 1e6 + 600.0 - 135.0
+    assert values["f1"] == pytest.approx(f1, rel=1e-14)
+    assert values["depth_f1"] == pytest.approx(2.0 * 0.5 * 0.02 * (200.0 - 90.0) / f1, rel=1e-13)
+    assert bound.bound[1].note.names["formula"] == ("2*g*U*d(f1, V)/f1",)
+
+
+def test_laws_that_name_each_other_are_refused() -> None:
+    with pytest.raises(BadInput, match="f1 -> f2 -> f1"):
+        Laws({"f1": "f2 + a", "f2": "2*f1"})
