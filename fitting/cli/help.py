@@ -64,13 +64,15 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _on_terminal(page: str) -> Iterator[str]:
-    """A page of Markdown as a terminal shows it: tables in columns, links by what they lead to."""
+    """A page of Markdown for a terminal: tables in columns, lists wrapped, links by their pages."""
     width = max(LEAST_WIDTH, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
     page = re.sub(r"<!--.*?-->\n?", "", page, flags=re.DOTALL)
     page = _LINK.sub(_named, page)
     for is_table, block in itertools.groupby(page.splitlines(), lambda line: line.startswith("|")):
         if not is_table:
-            yield from block
+            for line in block:
+                is_item = line.startswith("- ")  # others end at the width, or are to be copied
+                yield from textwrap.wrap(line, width, subsequent_indent="  ") if is_item else [line]
             continue
         rows = [[cell.strip() for cell in _CELL.split(row.strip("| "))] for row in block]
         heads, *body = [row for row in rows if not set("".join(row)) <= set("-: |")]

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import fitting
+from fitting.cli.help import WIDTH
 from fitting.cli.main import main
 from fitting.cli.words.parser import COMMANDS, command_of
 
@@ -96,6 +97,7 @@ def test_help_prints_tables_and_links_for_a_terminal(capsys: pytest.CaptureFixtu
         text = re.sub(r"```.*?```", "", capsys.readouterr().out, flags=re.DOTALL)
         assert "](" not in text, path
         assert not re.search(r"^\|", text, re.MULTILINE), path
+        assert all(len(line) <= WIDTH for line in text.splitlines() if line.startswith("- ")), path
 
 
 def test_help_lists_every_page(capsys: pytest.CaptureFixture[str]) -> None:
