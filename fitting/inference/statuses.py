@@ -435,9 +435,10 @@ def equivalent_findings(values: Values) -> tuple[Finding, ...]:
             if scans[name].sigma > 0.0
         }
         farthest = max(there, key=lambda name: far.get(name, 0.0), default="")
-        # values that the data constrain are worth printing; where none differs, as they are
-        # unconstrained anyway, there is nothing to act on
-        printed = tuple(name for name in there if known[name].status.has_value)
+        # values that the data constrain and that are others there are worth printing; where there
+        # are none, as what differs is unconstrained anyway, there is nothing to act on
+        differ = (name for name in there if far.get(name, math.inf) > 1.0)
+        printed = tuple(name for name in differ if known[name].status.has_value)
         names = {
             "values": printed,
             "units": tuple(known[name].unit for name in printed),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from fitting.fit.noise import RowNoise
 from fitting.fit.objective import make_objective
 from fitting.inference.determine import InferenceOptions, determine
 from fitting.inference.likelihood.knowledge import Equivalent
-from fitting.inference.statuses import contradicts
+from fitting.inference.statuses import contradicts, equivalent_findings
 from fitting.text.estimate import Verdict
 from tests.inference.test_identifiability import TRUTH, both_modes
 from tests.support import closed_form
@@ -118,3 +120,31 @@ def test_another_fit_beyond_the_only_end_leaves_no_bound() -> None:
     assert "mirrored = true" in both.reason
     inside = replace(twin, parameters={"p": 30.0})
     assert learnt(own, alternatives=(inside,)).parameters["p"].status == "bounded below"
+
+
+@pytest.mark.parametrize(("offset", "severity"), [(4.1, "note"), (9.0, "warning")])
+def test_an_equal_fit_with_the_same_determined_values_is_a_note(
+    offset: float, severity: str
+) -> None:
+    """A reflection that changes an unconstrained angle alone: nothing to act on."""
+    known: Any = SimpleNamespace(
+        parameters={
+            "theta": SimpleNamespace(likely=0.4, status=Verdict.UNCONSTRAINED, unit="rad"),
+            "offset": SimpleNamespace(likely=4.0, status=Verdict.DETERMINED, unit="Hz"),
+        },
+        scans={"theta": SimpleNamespace(sigma=0.1), "offset": SimpleNamespace(sigma=0.6)},
+        knowledge=SimpleNamespace(
+            equivalents=[
+                Equivalent(
+                    parameters={"theta": 2.7, "offset": offset},
+                    derived={},
+                    delta=1e-7,
+                    origin="alternative",
+                    where="reflection = true",
+                )
+            ]
+        ),
+    )
+    [finding] = equivalent_findings(known)
+    assert finding.severity == severity
+    assert ("offset" in finding.names["values"]) is (severity == "warning")
