@@ -29,8 +29,8 @@ class Cost(HtmlText):
 
     ``expected`` has evaluations by part; ``evaluations``, ``runs`` and ``seconds`` are least and
     most. The plan took ``planning_runs`` and ``planning_s``, an evaluation of a Jacobian
-    ``runs_each`` and ``seconds_each`` with ``workers`` processes and ``memory_bytes`` (NaN:
-    unknown).
+    ``runs_each`` and ``seconds_each`` with ``workers`` processes, which held ``memory_bytes`` (NaN:
+    unknown); a fit takes more.
     """
 
     expected: Expected

@@ -11,7 +11,7 @@ from fitting.check.runs import ROUNDING
 from fitting.check.steps import SHIFT
 from fitting.extension.fmu import FmuDescription, FmuVariable
 from fitting.extension.report import lines_of, phrase, phrases, printed_lines, table, write_page
-from fitting.text.streams import spelled_out
+from fitting.text.errors import spelled_out
 
 #: Kinds of variables of an FMU that are listed, as far as they are no observed ones.
 SHOWN = ("parameter", "input", "output", "calculatedParameter")

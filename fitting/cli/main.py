@@ -18,9 +18,9 @@ from pathlib import Path
 import fitting
 from fitting.cli.running.interrupts import INTERRUPTED, Interrupts, interruptible
 from fitting.cli.running.output import directed
+from fitting.cli.running.streams import outlets
 from fitting.cli.words.parser import overview, parsed
 from fitting.text.errors import BadInput, FmuFailure
-from fitting.text.streams import outlets
 
 BAD_INPUT, FMU_FAILED, FAULT = 2, 3, 70
 #: What libraries report of a thread for which there is no memory, or no number.

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from fitting.engine import child
-from fitting.text.streams import spelled_out
+from fitting.text.errors import spelled_out
 
 #: Looks for processes that were started while others were killed.
 MOST_ROUNDS = 20

@@ -71,9 +71,10 @@ class Sampling:
 class Posterior:
     """Draws from a posterior: their ``summary``, and all of them.
 
-    ``draws`` (steps, walkers, n) in the parameters' units, order ``names``, periodic values in the
-    period of the fit; ``log`` (steps, walkers): ln of the posterior but for a constant;
-    ``outputs``: derived outputs by name at ``thinned`` draws, (k,), NaN without a value.
+    ``draws`` (steps, walkers, n) in the parameters' units, order ``names``, without the chain's
+    beginning, periodic values in the period of the fit; ``log`` (steps, walkers): ln of the
+    posterior but for a constant; ``outputs``: derived outputs by name at ``thinned`` draws, (k,),
+    NaN without a value. Values are reported where ``status`` is "converged".
     """
 
     summary: PosteriorSummary

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
@@ -60,6 +61,20 @@ def shown(value: object) -> str:
     if len(text) <= LONGEST_SHOWN:
         return text
     return f"{text[: LONGEST_SHOWN // 2]} ... {text[-LONGEST_SHOWN // 4 :]}"
+
+
+#: What moves, colours or clears (C0, DEL, C1), and what turns the direction of writing.
+_STEERS = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def spelled_out(text: str, kept: str = "") -> str:
+    """A text whose control characters are spelled out, as JSON does.
+
+    Args:
+        text: of anybody, as an FMU.
+        kept: characters that stay as they are.
+    """
+    return _STEERS.sub(lambda m: m[0] if m[0] in kept else f"\\u{ord(m[0]):04x}", text)
 
 
 def did_you_mean(name: str, candidates: Sequence[str], *, listed: bool = True) -> str:

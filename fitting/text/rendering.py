@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fitting.text import notation
+from fitting.text.errors import spelled_out
 from fitting.text.finding import Finding
 from fitting.text.once import made_once
-from fitting.text.streams import spelled_out
 
 if TYPE_CHECKING:
     from jinja2 import Environment, FileSystemBytecodeCache

@@ -6,7 +6,7 @@ import os
 from collections import deque
 from collections.abc import Iterable
 
-from fitting.text.streams import spelled_out
+from fitting.text.errors import spelled_out
 
 KEPT = 50  # sentences of one run; the last ones explain why it failed
 WRITTEN = 200  # sentences of one run that go to the file
