@@ -5,24 +5,45 @@ from __future__ import annotations
 import importlib
 import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from fitting import Problem
 from fitting.extension.problem import Result, Valued, one_thread
+from fitting.extension.report import (
+    Figure,
+    Table,
+    exact_text,
+    phrase,
+    printed_lines,
+    table,
+    write_page,
+)
 from fitting.lab.names import TRUTH_NAME
 from fitting.lab.true_values import nearest, true_values
 from fitting.posterior import CHAIN_FILE, FILES, LEAST_STEPS, LEAST_WALKERS
-from fitting.posterior.job import Job, thinned
-from fitting.posterior.report import draws_csv, screen_lines, write_report
-from fitting.posterior.summary import PosteriorOutput, PosteriorSummary, PosteriorValue
+from fitting.posterior.chain import Chain
+from fitting.posterior.summary import (
+    CONVERGED,
+    PosteriorOutput,
+    PosteriorSummary,
+    PosteriorValue,
+    outputs_of,
+    summary_of,
+    thinned,
+)
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.notation import unit_text, with_unit
 from fitting.text.old_names import renamed
 from fitting.text.records import write_json
 from fitting.text.results_folder import remove_earlier, results_folder, write_whole
+from fitting.text.tables import csv_text
 from fitting.text.toml import read_toml
 
 __all__ = [
@@ -173,20 +194,43 @@ def posterior(
         FmuFailure: the FMU failed where the fit ended.
     """
     sampling = options or Sampling()
-    job = Job(problem, at, sampling.walkers, sampling.steps, sampling.seed)
-
-    def drawn(path: Path | None) -> Posterior:
+    chain = Chain(problem, at, sampling.walkers, sampling.steps, sampling.seed)
+    path = None if out is None else Path(out) / CHAIN_FILE
+    true, so_far = truth or {}, ""
+    folder = (
+        nullcontext()
+        if path is None
+        else results_folder(path.parent, "posterior", (*FILES, CHAIN_FILE))
+    )
+    with folder:
         if path is not None and sampling.resume:
-            job.resume(path)
-        result = job.draw(path, progress)
-        summary, outputs = job.summary(result, truth or {}, progress)
-        log = result[1].log[summary.discarded :]
-        return Posterior(summary, job.problem.names, result[2].draws, log, outputs)
-
-    if out is None:
-        return drawn(None)
-    with results_folder(Path(out), "posterior", (*FILES, CHAIN_FILE)):
-        return drawn(Path(out) / CHAIN_FILE)
+            chain.resume(path)
+        try:
+            for total in chain.tests():
+                done = chain.sampler.iteration
+                if total > done:
+                    words = f"drawing steps {done + 1} to {total}, of {chain.steps} at most"
+                    progress(words + so_far)
+                    chain.sample(total, path)
+                summary = summary_of(chain, true)
+                so_far = f"; so far {summary.message}"
+                progress(summary.message)
+                if summary.status == CONVERGED:
+                    break
+        except KeyboardInterrupt:
+            steps = chain.sampler.iteration
+            if steps < LEAST_STEPS:
+                kept = f"interrupted; {steps} steps of every walker are kept in {path}"
+                raise KeyboardInterrupt(kept if path is not None and steps else "") from None
+            summary = summary_of(chain, true, interrupted=True)
+        log = chain.sampler.get_log_prob(discard=chain.discarded)
+        drawn = Posterior(summary, chain.problem.names, chain.draws, log)
+        if summary.status == CONVERGED and chain.fit.derived:
+            progress("derived outputs at the draws")
+            with suppress(KeyboardInterrupt):  # the draws are there
+                derived, outputs = outputs_of(chain, drawn.thinned, true)
+                drawn = replace(drawn, summary=replace(summary, derived=derived), outputs=outputs)
+        return drawn
 
 
 @checked
@@ -205,18 +249,17 @@ def posterior_cost(
         FmuFailure: the FMU failed where the fit ended.
     """
     sampling = options or Sampling()
-    job = Job(problem, at, sampling.walkers, sampling.steps, sampling.seed)
-    before, started = job.evaluations, time.perf_counter()
-    job.begin()
-    each = (time.perf_counter() - started) / (job.evaluations - before)
+    chain = Chain(problem, at, sampling.walkers, sampling.steps, sampling.seed)
+    before, started = chain.target.evaluations, time.perf_counter()
+    chain.target.log(chain.start.coords)
     return PosteriorCost(
-        walkers=job.walkers,
-        minima=sum(m.copy_of < 0 for m in job.minima),
+        walkers=chain.walkers,
+        minima=len({m.valley for m in chain.minima}),
         evaluations=(
-            job.evaluations + job.walkers * LEAST_STEPS,
-            job.evaluations + job.walkers * sampling.steps,
+            before + chain.walkers * LEAST_STEPS,
+            before + chain.walkers * sampling.steps,
         ),
-        seconds_each=each,
+        seconds_each=(time.perf_counter() - started) / chain.walkers,
     )
 
 
@@ -239,14 +282,17 @@ def write_posterior(result: Posterior, out: str | Path, *, drawn: bool = True) -
     with results_folder(folder, "posterior", FILES):
         paths = [folder / "posterior.json", folder / "draws.csv"]
         write_json(paths[0], result.summary)
-        write_whole(paths[1], draws_csv(result.summary, result.thinned, result.outputs))
+        units = {**result.values, **{name: result.derived[name] for name in result.outputs}}
+        heads = [with_unit(name, unit_text(v.unit)) for name, v in units.items()]
+        rows = np.column_stack([result.thinned, *result.outputs.values()]).tolist()
+        cells = ([exact_text(v) if math.isfinite(v) else "" for v in row] for row in rows)
+        write_whole(paths[1], csv_text([heads, *cells]))
         if drawn:
             # matplotlib takes a second to import: only where something is drawn
             drawing = importlib.import_module("fitting.posterior.figure")
             flat = result.draws.reshape(-1, len(result.names))
             figure = drawing.save_figure(result.summary, flat, folder / "figures")
-            page = write_report(result.summary, figure, folder)
-            paths += [*figure.files, page]
+            paths += [*figure.files, _write_report(result.summary, figure, folder)]
         remove_earlier(folder, FILES)
     return paths
 
@@ -266,3 +312,59 @@ def campaign_truth(problem: Problem, at: Result) -> dict[str, float]:
     true = true_values(read_toml(paths[0]), reflection=reflected)
     likely = at.fitted_values
     return {n: nearest(n, v, likely.get(n, math.nan)) for n, v in true.items() if n in likely}
+
+
+def _write_report(summary: PosteriorSummary, figure: Figure, folder: Path) -> Path:
+    facts = {
+        "walkers": str(summary.walkers),
+        "steps": f"{summary.steps}, of which the first {summary.discarded} are discarded",
+        "evaluations of the model": str(summary.evaluations),
+        "accepted proposals": f"{100.0 * summary.accepted:.0f} %",
+        "seed": str(summary.seed),
+        **summary.provenance,
+    }
+    return write_page(
+        folder,
+        "posterior/page.html.j2",
+        title=summary.title,
+        kind="posterior",
+        status=summary.status,
+        message=phrase("posterior/text", "ending", summary),
+        mark="" if summary.status == CONVERGED else "bad",
+        synthetic=summary.synthetic,
+        figures=[figure],
+        posterior=summary,
+        tables=tables_of(summary),
+        facts=facts,
+    )
+
+
+def tables_of(summary: PosteriorSummary, *, short: bool = False) -> list[Table]:
+    """Parameters, derived outputs and minima, those that there are.
+
+    Args:
+        summary: of the draws.
+        short: whether the first one has no columns on convergence.
+    """
+    tables = [table("posterior/posterior", rows=summary.values, title="Values", short=short)]
+    if summary.derived:
+        rows, title = summary.derived, "Derived outputs"
+        tables.append(table("posterior/posterior", rows=rows, title=title, outputs=True))
+    if len(summary.modes) > 1:
+        tables.append(table("posterior/minima", posterior=summary))
+    return tables
+
+
+def screen_lines(
+    summary: PosteriorSummary, files: Sequence[Path] = (), *, again: str = "", verbose: bool = False
+) -> list[str]:
+    """What `fmu-fit posterior` prints: values with intervals, and how to continue.
+
+    Args:
+        summary: the draws, summarised.
+        files: that were written, the report last.
+        again: the command that continues; empty where there are enough draws.
+        verbose: whether convergence, outputs and minima are printed.
+    """
+    short, tables = tables_of(summary, short=True)[0], tables_of(summary)
+    return printed_lines("posterior/text", "screen", summary, short, tables, verbose, again, files)

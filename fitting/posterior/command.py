@@ -83,8 +83,7 @@ def run(args: argparse.Namespace) -> int:
     """
     # the work takes libraries along, help does not
     from fitting.extension.report import printed_lines
-    from fitting.posterior.api import campaign_truth
-    from fitting.posterior.report import screen_lines
+    from fitting.posterior.api import campaign_truth, screen_lines
     from fitting.text.scratch import Scratch
 
     at, out = fit_at(args), _out(args)

@@ -1,48 +1,51 @@
-"""What draws give: values with intervals, derived outputs, shares of minima."""
+"""What draws give: whether they are enough, values with intervals, shares of minima.
+
+    R = sqrt((B/W + N - 1)/N)        B = N var(means of half walkers), W = mean(their variances)
+
+R is taken of normal scores of the ranks, z = Phi^-1((r - 3/8)/(S + 1/4)), and of those of the
+distances from the median; the larger counts.
+
+Walkers agree as well where all of them miss the same part of a posterior. What is known apart from
+them shows it: a value v of a parameter is accepted where the fit's own profile has
+
+    Dchi^2(v) k^2 <= 3.84        k the factor by which the fit widened the noise; draws do not
+
+and at every other minimum that fits as well. Draws are near it where one is closer than a tenth of
+the width of the profile's interval.
+
+Source: A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P. Bürkner, Bayesian Analysis 16 (2021)
+667.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
+from scipy.stats import rankdata
 
-from fitting.extension.problem import Values, answered_apart, mean
-from fitting.extension.report import phrase
-from fitting.posterior.chain import Samples
-from fitting.posterior.convergence import Accepted, autocorrelation_time, missed_by, split_rhat
-from fitting.posterior.minima import Target, about
-from fitting.posterior.mixture import Minimum
-from fitting.posterior.periods import (
-    in_period,
-    interval_in_period,
-    period_begins,
-    value_in_period,
-)
+import fitting
+from fitting.extension.problem import NOTABLE, Parameter, Values, answered_apart, mean
+from fitting.extension.report import phrase, phrases
+from fitting.posterior.chain import Chain, autocorrelation_times
 from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.estimate import (
-    NOWHERE,
-    Estimate,
-    FittedEstimate,
-    Interval,
-    Method,
-    Verdict,
-)
+from fitting.text.estimate import ALL_ROUND, NOWHERE, ROOT_95, Estimate, Interval, Method, Verdict
 from fitting.text.finding import Finding, Kind
 from fitting.text.notation import unit_text
 from fitting.text.records import EndedRecord
 
 #: Steps over the longest correlation time, and R, at which there are enough draws.
 LONG_ENOUGH, AGREE = 50.0, 1.01
-#: Share of a chain that is left out at its beginning.
-LEFT_OUT = 0.2
+#: Share of the profile's interval within which a draw has to be.
+NEAR = 0.1
 CONVERGED, NOT_CONVERGED, INTERRUPTED = "converged", "not converged", "interrupted"
 #: Median, and the ends of the intervals as shares of the draws: 68 % as a Gaussian has it, 95 %.
 QUANTILES = (0.5, 0.158655, 0.841345, 0.025, 0.975)
-#: Draws at which derived outputs are read in one batch.
-BATCH = 500
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,84 +133,75 @@ class PosteriorSummary(EndedRecord):
     derived: Mapping[str, PosteriorOutput] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reached:
-    """How far samples are: `draws` (steps, walkers, n) in their units, `taus` and `rhats` (n,).
-
-    Draws of a value with a period are given in that which begins at `begins` (n,), NaN of others.
-    `missed` is a value that the fit accepts and no draw is near, or that nothing shows which these
-    are. `message` is what is there and what is wanted, a sentence without its end.
-    """
-
-    draws: FloatArray
-    begins: FloatArray
-    discarded: int
-    taus: FloatArray
-    rhats: FloatArray
-    missed: Finding | None
-    message: str
-
-    @property
-    def is_enough(self) -> bool:
-        """Whether there are enough draws, and the walkers agree."""
-        enough = len(self.draws) >= LONG_ENOUGH * float(np.max(self.taus))
-        return enough and float(np.max(self.rhats)) <= AGREE
-
-    @property
-    def converged(self) -> bool:
-        """Whether there are enough draws, the walkers agree, and nothing is missed by all."""
-        return self.is_enough and self.missed is None
-
-
-def reached(
-    target: Target,
-    minima: Sequence[Minimum],
-    samples: Samples,
-    likely: Mapping[str, float],
-    accepted: Mapping[str, Accepted] | None = None,
-) -> Reached:
-    """How far samples are.
+def thinned(draws: FloatArray, longest: float) -> FloatArray:
+    """One in so many steps of draws (steps, walkers, n) as the longest correlation time, (k, n).
 
     Args:
-        target: The posterior.
-        minima: The one of the largest mass first.
-        samples: All its steps so far.
-        likely: What the fit reports, by name: in the period of it a value is given.
-        accepted: Values that the fit accepts, by name, which draws have to come near; None: the
-            posterior is bent, and these are not known.
+        draws: of the chain.
+        longest: correlation time, in steps.
     """
-    discarded = int(LEFT_OUT * samples.steps)
-    draws = about(target, minima[0], target.in_units(samples.places[discarded:]))
-    columns = [draws[..., i] for i in range(draws.shape[-1])]
-    taus = np.array([autocorrelation_time(c) for c in columns])
-    rhats = np.array([split_rhat(c) for c in columns])
-    begins = period_begins(target, draws, likely)
-    draws = in_period(target, begins, draws)
-    names = [p.name for p in target.parameters]
-    slow, apart = int(np.argmax(taus)), int(np.argmax(rhats))
-    missed = missed_by(target, begins, draws, accepted or {})
-    if accepted is None:
-        missed = Finding(kind=Kind.posterior_unchecked, severity="error", subject="")
-    units = {p.name: unit_text(p.unit) for p in target.parameters}
-    message = phrase(
-        "posterior/text",
-        "reached",
-        len(draws),
-        (LONG_ENOUGH, AGREE),
-        (names[slow], float(taus[slow])),
-        (names[apart], float(rhats[apart])),
-        missed,
-        units,
-    )
-    return Reached(
-        draws=draws,
-        begins=begins,
-        discarded=discarded,
-        taus=taus,
-        rhats=rhats,
-        missed=missed,
-        message=message,
-    )
+    every = math.ceil(min(longest, len(draws)))
+    return np.asarray(draws[every - 1 :: every].reshape(-1, draws.shape[-1]))
+
+
+def split_rhat(draws: FloatArray) -> float:
+    """Rank-normalised split R of one quantity: 1 where walkers agree; see the module.
+
+    Args:
+        draws: Values, shape (steps, walkers), 4 steps at least.
+    """
+    half = draws.shape[0] // 2
+    halves = np.hstack([draws[:half], draws[-half:]])
+    ratios = []
+    for values in (halves, np.abs(halves - np.median(halves))):
+        ranks = rankdata(values).reshape(values.shape)  # equal values share theirs
+        scores = ndtri((ranks - 0.375) / (values.size + 0.25))
+        between = half * float(np.var(np.mean(scores, axis=0), ddof=1))
+        within = float(np.mean(np.var(scores, axis=0, ddof=1)))
+        ratios.append((between / within + half - 1.0) / half if within else math.inf)
+    return math.sqrt(max(ratios))
+
+
+def missed_value(
+    fit: Values, parameters: Sequence[Parameter], draws: FloatArray, *, is_bent: bool
+) -> Finding | None:
+    """The accepted ``value`` that is the farthest from its ``nearest`` draw; None: all are near.
+
+    Args:
+        fit: with its profiles, if it has any.
+        parameters: that are drawn.
+        draws: (steps, walkers, n) in the parameters' units.
+        is_bent: whether the minima alone do not show the shape of the posterior.
+    """
+    worst, missed, knowledge = NEAR, None, fit.knowledge
+    for p, flat in zip(parameters, draws.reshape(-1, len(parameters)).T, strict=True):
+        low, high = fit.parameters[p.name].ci95 if p.name in fit.parameters else NOWHERE
+        if knowledge is None or p.name not in knowledge.scans or not 0.0 < high - low < math.inf:
+            if is_bent and not p.experiments:
+                return Finding(kind=Kind.posterior_unchecked, severity="error", subject="")
+            continue
+        scan, others = knowledge.scans[p.name], knowledge.equivalents
+        accepted = np.array(scan.delta_chi2) * knowledge.inflation**2 <= ROOT_95**2
+        values = [e.parameters[p.name] for e in others if not e.where and p.name in e.parameters]
+        for value in (*np.array(scan.values)[accepted], *values):
+            off = value - flat
+            if p.period is not None:
+                off -= p.period * np.round(off / p.period)
+            nearest = int(np.argmin(np.abs(off)))
+            share = float(abs(off[nearest])) / min(high - low, p.period or math.inf)
+            if share > worst:
+                place = float(flat[nearest])
+                numbers = {"value": place + float(off[nearest]), "nearest": place}
+                worst, missed = (
+                    share,
+                    Finding(
+                        kind=Kind.posterior_incomplete,
+                        severity="error",
+                        subject=p.name,
+                        numbers=numbers,
+                    ),
+                )
+    return missed
 
 
 def numbers_of(draws: FloatArray) -> dict[str, Any]:
@@ -227,136 +221,148 @@ def numbers_of(draws: FloatArray) -> dict[str, Any]:
     }
 
 
-def values_of(
-    target: Target,
-    at: Reached,
-    fit: Values,
-    likely: Mapping[str, float],
-    truth: Mapping[str, float],
-) -> dict[str, PosteriorValue]:
-    """Every parameter by name.
+def summary_of(
+    chain: Chain, truth: Mapping[str, float], *, interrupted: bool = False
+) -> PosteriorSummary:
+    """The record of the draws so far, without derived outputs.
 
     Args:
-        target: The posterior.
-        at: Draws.
-        fit: Whose intervals are compared with them.
-        likely: What the fit reports, by name.
-        truth: What is true, by name, where it is known.
+        chain: of the draws.
+        truth: what is true, by name, where it is known.
+        interrupted: whether the chain was interrupted.
     """
+    target, fit, problem, draws = chain.target, chain.fit, chain.problem, chain.draws
+    taus = autocorrelation_times(draws)
+    rhats = np.array([split_rhat(column) for column in np.moveaxis(draws, -1, 0)])
+    is_enough = bool(len(draws) >= LONG_ENOUGH * np.max(taus) and np.max(rhats) <= AGREE)
+    missed = missed_value(fit, target.parameters, draws, is_bent=chain.is_bent)
+    converged = is_enough and missed is None and not interrupted
+
+    # values that the fit reports, and those that are true, in the period that is drawn
+    likely = target.turned(np.array([chain.likely[name] for name in problem.names]))
+    true = target.turned(np.array([truth.get(name, math.nan) for name in problem.names]))
     values = {}
     for i, p in enumerate(target.parameters):
-        column, begin = at.draws[..., i], float(at.begins[i])
         known = fit.parameters.get(p.name)
+        profile = NOWHERE if known is None else known.ci95
+        if p.period is not None and profile[1] - profile[0] >= p.period * ALL_ROUND:
+            profile = (float(target.lower[i]), float(target.lower[i]) + p.period)
         values[p.name] = PosteriorValue(
             name=p.name,
             unit=p.unit,
             status=Verdict.UNKNOWN if known is None else known.status,
-            **numbers_of(column if at.converged else np.empty(0)),
-            tau=float(at.taus[i]),
-            rhat=float(at.rhats[i]),
-            effective=column.size / float(at.taus[i]),
+            **numbers_of(draws[..., i] if converged else np.empty(0)),
+            tau=float(taus[i]),
+            rhat=float(rhats[i]),
+            effective=draws[..., i].size / float(taus[i]),
             lower=p.lower,
             upper=p.upper,
             prior=p.reference if p.prior_sigma else math.nan,
             prior_sigma=p.prior_sigma or math.nan,
-            most_likely=value_in_period(p, begin, likely.get(p.name, math.nan)),
-            profile95=interval_in_period(p, begin, NOWHERE if known is None else known.ci95),
-            truth=value_in_period(p, begin, truth.get(p.name, math.nan)),
+            most_likely=float(likely[i]),
+            profile95=profile,
+            truth=float(true[i]),
             shared=not p.experiments,
         )
-    return values
+
+    slow, apart = problem.names[np.argmax(taus)], problem.names[np.argmax(rhats)]
+    return PosteriorSummary(
+        title=problem.record.title,
+        synthetic=problem.record.synthetic,
+        status=CONVERGED if converged else INTERRUPTED if interrupted else NOT_CONVERGED,
+        message=phrase(
+            "posterior/text",
+            "reached",
+            len(draws),
+            (LONG_ENOUGH, AGREE),
+            (slow, float(np.max(taus))),
+            (apart, float(np.max(rhats))),
+            missed,
+            {p.name: unit_text(p.unit) for p in target.parameters},
+        ),
+        values=values,
+        modes=modes_of(chain, draws, converged=converged),
+        alternative=chain.alternative,
+        walkers=chain.walkers,
+        steps=chain.sampler.iteration,
+        discarded=chain.discarded,
+        evaluations=target.evaluations,
+        failed=target.failed,
+        accepted=float(np.mean(chain.sampler.acceptance_fraction)),
+        seed=chain.seed,
+        findings=(missed,) if missed is not None and is_enough else (),
+        notes=phrases("posterior/text", "notes", chain, NOTABLE),
+        provenance={
+            "FMU": problem.fmu.description.model_name if problem.has_fmu else "none",
+            "versions": f"fmu-fit {fitting.__version__}, emcee {version('emcee')}, numpy "
+            f"{np.__version__}",
+        },
+    )
 
 
-def modes_of(
-    target: Target, minima: Sequence[Minimum], samples: Samples, at: Reached
-) -> tuple[PosteriorMode, ...]:
+def modes_of(chain: Chain, draws: FloatArray, *, converged: bool) -> tuple[PosteriorMode, ...]:
     """The minima, the most likely first, with the share of the draws that are nearest to each.
 
     Args:
-        target: The posterior.
-        minima: Those with the largest share of the mass first, copies a period off last.
-        samples: All steps.
-        at: What is left of them.
+        chain: of the draws.
+        draws: (steps, walkers, n) in the parameters' units.
+        converged: whether there are enough; else shares are NaN.
     """
-    places = samples.places[at.discarded :]
-    flat = places.reshape(-1, places.shape[-1])
-    whose = np.argmin([m.distances(flat) for m in minima], axis=0)
-    first = np.array([k if m.copy_of < 0 else m.copy_of for k, m in enumerate(minima)])
-    nearest = first[whose].reshape(places.shape[:-1])
-    modes, highest = [], max(m.log for m in minima)
-    for k, m in enumerate(minima):
-        if m.copy_of >= 0:
-            continue
-        here = (nearest == k).astype(float)
-        share, error = float(np.mean(here)), math.nan
-        if 0.0 < share < 1.0:
-            effective = here.size / autocorrelation_time(here)
-            error = math.sqrt(share * (1.0 - share) / effective)
-        centre = in_period(target, at.begins, target.in_units(m.centre)).tolist()
+    minima, modes = chain.minima, []
+    nearest = np.argmin([chain.target.distance(m, draws) for m in minima], axis=0)
+    valleys = np.array([m.valley for m in minima])
+    for k in np.unique(valleys):
+        # the mean over walkers, which exchange places, step by step
+        shares = np.mean(valleys[nearest] == k, axis=1)
+        error = math.nan
+        if np.ptp(shares):
+            [tau] = autocorrelation_times(shares[:, None, None])
+            error = float(np.std(shares)) * math.sqrt(tau / len(shares))
         modes.append(
             PosteriorMode(
-                parameters=dict(zip((p.name for p in target.parameters), centre, strict=True)),
-                origin=m.origin,
-                below=highest - m.log,
-                share=share if at.converged else math.nan,
-                share_error=error if at.converged else math.nan,
+                parameters=dict(zip(chain.problem.names, minima[k].centre.tolist(), strict=True)),
+                origin=minima[k].origin,
+                below=minima[0].log - minima[k].log,
+                share=float(np.mean(shares)) if converged else math.nan,
+                share_error=error if converged else math.nan,
             )
         )
-    return tuple(sorted(modes, key=lambda mode: mode.below))
+    return tuple(modes)
 
 
-def read_outputs(
-    read: Callable[[Sequence[FloatArray]], Sequence[Mapping[str, FloatArray]]],
-    draws: FloatArray,
-    names: Sequence[str],
-) -> dict[str, FloatArray]:
-    """Outputs at every draw, (k,), the mean over experiments; NaN where the model has no value.
+def outputs_of(
+    chain: Chain, draws: FloatArray, truth: Mapping[str, float]
+) -> tuple[dict[str, PosteriorOutput], dict[str, FloatArray]]:
+    """Derived outputs by name, and their values at every draw, (k,), NaN where there is none.
+
+    A value is the mean over experiments.
 
     Args:
-        read: The model: derived outputs at each of many parameters (n,), each in its own unit.
+        chain: whose model is read.
         draws: Parameters, shape (k, n), each in its own unit.
-        names: Of the outputs.
+        truth: what is true, by name, where it is known.
 
     Raises:
         NoAnswer: the model does not answer any more.
     """
-
-    def means(ps: Sequence[FloatArray]) -> list[dict[str, float]]:
-        return [{name: mean(answer[name]) for name in names} for answer in read(ps)]
-
-    def missing(p: FloatArray, failure: Exception) -> dict[str, float]:
-        return dict.fromkeys(names, math.nan)
-
-    rows: list[dict[str, float]] = []
-    for begin in range(0, len(draws), BATCH):
-        rows += answered_apart(means, list(draws[begin : begin + BATCH]), missing)
-    return {name: np.array([row[name] for row in rows]) for name in names}
-
-
-def outputs_of(
-    table: Mapping[str, FloatArray],
-    fit: Mapping[str, FittedEstimate],
-    truth: Mapping[str, float],
-) -> dict[str, PosteriorOutput]:
-    """Every derived output by name.
-
-    Args:
-        table: Its values at the draws, (k,).
-        fit: What the fit reports of it.
-        truth: What is true, by name, where it is known.
-    """
-    outputs = {}
-    for name, values in table.items():
-        there, e = values[np.isfinite(values)], fit[name]
-        outputs[name] = PosteriorOutput(
+    names, response = list(chain.fit.derived), chain.problem.objective.response
+    rows = answered_apart(
+        lambda ps: [[mean(a[name]) for name in names] for a in response.derived_many(ps)],
+        list(draws),
+        lambda p, failure: [math.nan] * len(names),
+    )
+    outputs, derived = dict(zip(names, np.array(rows).T, strict=True)), {}
+    for name, column in outputs.items():
+        finite, e = column[np.isfinite(column)], chain.fit.derived[name]
+        derived[name] = PosteriorOutput(
             name=e.name,
             unit=e.unit,
             status=e.status,
-            **numbers_of(there),
-            draws=int(there.size),
-            missing=1.0 - there.size / values.size if values.size else math.nan,
+            **numbers_of(finite),
+            draws=int(finite.size),
+            missing=1.0 - finite.size / column.size,
             most_likely=e.most_likely,
             profile95=e.ci95 if all(map(math.isfinite, e.ci95)) else NOWHERE,
             truth=truth.get(name, math.nan),
         )
-    return outputs
+    return derived, outputs

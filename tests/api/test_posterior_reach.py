@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.posterior import job, summary
-from fitting.posterior.minima import Target, minima_of
-from fitting.posterior.mixture import Minimum
+from fitting.posterior import summary
+from fitting.posterior.chain import Minimum, Target
 from fitting.text.arrays import FloatArray
 from tests.support import closed_posteriors as closed
 from tests.support.closed_posteriors import Formula, parameter, problem
@@ -25,12 +24,12 @@ def fitted(made: ff.Problem) -> ff.Fit:
 def one_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
     """Walkers begin at the narrow well alone, and nothing leads to the other one."""
 
-    def first(target: Target, known: Sequence[tuple[str, FloatArray]]) -> tuple[Minimum, ...]:
-        found = minima_of(target, known)
-        here = [m for m in found if abs(target.in_units(m.centre)[0] - closed.NARROW) < 1.0]
-        return tuple(here)
+    every = Target.minima
 
-    monkeypatch.setattr(job, "minima_of", first)
+    def first(target: Target, known: Sequence[tuple[str, FloatArray]]) -> list[Minimum]:
+        return [m for m in every(target, known) if abs(m.centre[0] - closed.NARROW) < 1.0]
+
+    monkeypatch.setattr(Target, "minima", first)
 
 
 @pytest.mark.usefixtures("one_minimum")

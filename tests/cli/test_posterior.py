@@ -93,4 +93,4 @@ def test_what_does_not_suit_is_one_line(fitted: tuple[Path, Path], tmp_path: Pat
 
 def test_help_tells_the_least_steps() -> None:
     ended = told("posterior", "--help")
-    assert "200 at least" in " ".join(ended.out.split())
+    assert "at least 200" in " ".join(ended.out.split())
