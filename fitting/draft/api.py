@@ -3,37 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fitting import Fmu
-from fitting.draft.decays import (
-    DemodulatedFile,
-    decaying,
-    decays_draft,
-    demodulated_draft,
-    demodulated_of,
-    lines_of_recording,
-)
-from fitting.draft.document import Draft
-from fitting.draft.files import NOISE, MapFile, files_of, settled
-from fitting.draft.maps import LIST, map_draft, series_of
-from fitting.draft.model import ONE_MODE, TWO_MODES, Offer, offer_of
-from fitting.draft.questions import Answers, Ask, Question
-from fitting.draft.sweeps import check_one_line, sweeps_draft
-from fitting.draft.traces import INPUT, OUTPUT, recordings_of, requested_columns, traces_draft
-from fitting.lines.names import TIME_PAGE
-from fitting.lines.ringdown import ringdown_of
+from fitting.draft.document import LIST, Answers, Ask, Draft, Question
+from fitting.draft.maps import map_draft, map_of_files
+from fitting.draft.model import TWO_MODES, opened_offer
+from fitting.draft.records import INPUT, OUTPUT, records_draft
+from fitting.draft.sweeps import NOISE, sweeps_draft, table_of, with_units
 from fitting.resonance.reading import Columns
 from fitting.text.errors import BadInput
+from fitting.text.notation import listed
 from fitting.text.results_folder import results_folder, write_whole
 
 __all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
 
 CAMPAIGN = "campaign.toml"
-#: What may be told beforehand, by name.
+#: What may be stated beforehand, by name.
 KEYS = (
     "output",
     "tone",
@@ -45,8 +31,6 @@ KEYS = (
     "interface",
     "control",
 )
-#: What is written beside it: of sweeps at values of a control the list of their files.
-FILES = (CAMPAIGN, LIST)
 
 
 def init(
@@ -110,8 +94,8 @@ def drafted(
         BadInput: see `init`.
         FmuFailure: see `init`.
     """
-    listed_files = (files,) if isinstance(files, str | os.PathLike) else files
-    paths, fmu = measurements_and_fmu([Path(file) for file in listed_files], fmu)
+    several = (files,) if isinstance(files, str | os.PathLike) else files
+    paths, fmu = measurements_and_fmu([Path(file) for file in several], fmu)
     named = {k: (v,) if isinstance(v, str) else tuple(v) for k, v in (told or {}).items()}
     for key in named:
         if key not in KEYS:
@@ -124,9 +108,11 @@ def drafted(
             if equals:
                 named[key], answers.columns[key] = (variable.strip(),), column.strip()
     columns, folder = columns or Columns(), Path(out)
-    with results_folder(folder, "init", FILES):
-        draft = _of_time(paths, columns, answers, fmu, folder)
+    with results_folder(folder, "init", (CAMPAIGN, LIST)):
+        draft = records_draft(paths, columns, answers, fmu, folder) if paths else None
         draft = draft or _of_frequency(paths, columns, answers, fmu, folder)
+        if draft.listing:
+            write_whole(folder / LIST, draft.listing)
         path = folder / CAMPAIGN
         write_whole(path, draft.text)
     return path, draft
@@ -139,7 +125,7 @@ def measurements_and_fmu(
 
     Args:
         files: measurements, and perhaps an FMU.
-        fmu: the FMU where it is told by itself.
+        fmu: the FMU where it is named by itself.
 
     Raises:
         BadInput: two FMUs, or neither an FMU nor a file of measurements.
@@ -155,43 +141,6 @@ def measurements_and_fmu(
     return measured, fmu
 
 
-def _of_time(
-    paths: Sequence[Path], columns: Columns, answers: Answers, fmu: str | Path | None, folder: Path
-) -> Draft | None:
-    """A draft of demodulated ringdowns or of recordings over time; None of other files."""
-    demodulated: tuple[DemodulatedFile, ...] = demodulated_of(paths, columns)
-    if demodulated and fmu is not None:
-        # columns that are called like variables of the FMU are a recording of these
-        with Fmu(fmu, 1) as opened:
-            known = {name.lower() for name in opened.workers.description.variables}
-        names = [name for key, name in demodulated[0].columns.items() if key != "time"]
-        if all(name.rpartition("/")[2].lower() in known for name in names):
-            demodulated = ()
-    recordings = () if demodulated else recordings_of(paths, columns, simulated=fmu is not None)
-    if not (demodulated or recordings):
-        return None
-    for key in columns.selection.parts:
-        raise BadInput(
-            f"--{key.replace('_', '-')}: a campaign of recordings does not choose it; wanted that "
-            f"part of {paths[0]} in a file of its own"
-        )
-    if fmu is None:  # as many modes as ringdowns show
-        shown = [len(decaying(ringdown_of(file.record))) for file in demodulated]
-        shown += [len(lines_of_recording(each)) for each in recordings]
-        if min(shown) == 0:
-            raise BadInput(
-                f"{paths[0]}: is a recording over time, and no free decay of one column; "
-                f"wanted --fmu, the FMU whose output was recorded: {TIME_PAGE}"
-            )
-        fmu = ONE_MODE if max(shown) == 1 else TWO_MODES
-    with _offer(fmu, answers) as offer:
-        if demodulated:
-            return demodulated_draft(demodulated, offer, answers, folder)
-        recordings = tuple(requested_columns(each, answers.columns, offer) for each in recordings)
-        draft = decays_draft(recordings, offer, answers, folder)
-        return draft or traces_draft(recordings, offer, answers, folder)
-
-
 def _of_frequency(
     paths: Sequence[Path], columns: Columns, answers: Answers, fmu: str | Path | None, folder: Path
 ) -> Draft:
@@ -201,45 +150,17 @@ def _of_frequency(
             f"--{key}: found the column '{column}', which a recording over time has; wanted the "
             f"FMU's {key} alone"
         )
-    [control] = answers.requested.get("control", (None,))
-    if control is not None or NOISE not in answers.requested.get("kind", ()):
+    tables = [table for table in map(table_of, paths) if table is not None]
+    if len(tables) > 1:
+        names = listed(str(table.path) for table in tables)
+        raise BadInput(f"{names}: are tables of experiments, wanted one in a campaign")
+    others = [path for path in paths if path not in [table.path for table in tables]]
+    given = [(path, with_units(path, columns, answers)) for path in others]
+    control = answers.one("control")
+    if not tables and (control is not None or NOISE not in answers.requested.get("kind", ())):
         joint = fmu is not None and fmu != TWO_MODES
-        series = series_of(paths, columns, control, folder, joint=joint)
-        if series is not None:
-            with _listed(series, folder), _offer(fmu or TWO_MODES, answers) as offer:
-                draft = map_draft(series, offer, answers, folder)
-            return replace(draft, notes=(series.words, *draft.notes))
-    files = settled(files_of(paths, columns, answers), answers)
-    if fmu in (None, ONE_MODE):
-        check_one_line(files)
-    # as many modes as the files show lines, two for a map
-    model = ONE_MODE if files.two is None and files.map is None else TWO_MODES
-    with _offer(fmu or model, answers) as offer:
-        if files.map is not None:
-            return map_draft(files.map, offer, answers, folder)
-        return sweeps_draft(files, offer, answers, folder)
-
-
-@contextmanager
-def _listed(series: MapFile, folder: Path) -> Iterator[None]:
-    """The list of a map's files beside the campaign; as it was where no campaign comes of it."""
-    path = folder / LIST
-    before = path.read_bytes() if path.is_file() else None
-    write_whole(path, series.listing)
-    try:
-        yield
-    except BaseException:
-        if before is None:
-            path.unlink(missing_ok=True)
-        else:
-            write_whole(path, before)  # the folder's record is told of it, too
-        raise
-
-
-@contextmanager
-def _offer(fmu: str | Path, answers: Answers) -> Iterator[Offer]:
-    """What the FMU offers, with a worker for as long as the context lasts."""
-    [interface] = answers.requested.get("interface", (None,))
-    with Fmu(fmu, 1, interface=interface) as opened:
-        is_model = isinstance(fmu, str) and fmu.isidentifier()
-        yield offer_of(str(fmu), opened.workers, interface, is_model=is_model)
+        file = map_of_files(given, control, folder, joint=joint)
+        if file is not None:
+            with opened_offer(fmu or TWO_MODES, answers.one("interface")) as offer:
+                return map_draft(file, offer, answers, folder)
+    return sweeps_draft(given, tables[0] if tables else None, answers, fmu, folder)

@@ -157,7 +157,7 @@ def roles_of(path: Path, columns: Columns) -> Roles:
         BadInput: the file is not readable, holds no response over frequency, or states no unit; a
             line for each column and unit that is wanted.
     """
-    roles = _sweep_roles(path, columns)
+    roles = sweep_roles(path, columns)
     errors = []
     if roles.axis.unit is None:
         over_time = f'; of a recording over time --time "{roles.axis.name}" --unit-time s'
@@ -171,8 +171,8 @@ def roles_of(path: Path, columns: Columns) -> Roles:
     return roles
 
 
-def units_untold(path: Path, columns: Columns) -> dict[str, str]:
-    """Columns of frequencies and phases without a unit, by the field of `Columns` that states it.
+def sweep_roles(path: Path, columns: Columns) -> Roles:
+    """The columns of frequencies and of values, in the units that are stated, if any is.
 
     Args:
         path: of the file.
@@ -181,13 +181,6 @@ def units_untold(path: Path, columns: Columns) -> dict[str, str]:
     Raises:
         BadInput: as `roles_of`, but for units.
     """
-    roles = _sweep_roles(path, columns)
-    fields = {"unit_frequency": roles.axis, "unit_phase": roles.phase}
-    return {key: c.name for key, c in fields.items() if c is not None and c.unit is None}
-
-
-def _sweep_roles(path: Path, columns: Columns) -> Roles:
-    """The columns of frequencies and of values, in the units that are stated, if any is."""
     columns = columns.checked()
     recording = recognised(path, columns.selection)
     frequency = column_of(recording, columns.frequency, "frequency")

@@ -15,8 +15,8 @@ import pytest
 import fitting as ff
 from fitting.cli.main import main
 from fitting.draft.api import Question, drafted, init
-from fitting.draft.decays import ringdown_of
-from fitting.draft.two_modes import two_modes_of
+from fitting.draft.records import decay_of
+from fitting.draft.sweeps import two_modes_of
 from fitting.fit.fit import Status
 from fitting.lines.trace import trace_of
 from fitting.result.result import Result, read_result
@@ -636,10 +636,10 @@ def test_an_fmu_of_two_modes_takes_a_ringdown_of_two(swift_fmu: Path, tmp_path: 
 
 def test_a_record_that_does_not_decay_is_no_ringdown() -> None:
     t = np.arange(4000) / 8000.0
-    assert not ringdown_of(t, np.cos(2.0 * np.pi * 1234.5 * t))
-    assert not ringdown_of(t, np.exp(-20.0 * t))
+    assert not decay_of(t, np.cos(2.0 * np.pi * 1234.5 * t))
+    assert not decay_of(t, np.exp(-20.0 * t))
     rough = np.random.default_rng(5).standard_normal(t.size)
-    assert not ringdown_of(t, 0.2 * np.exp(-20.0 * t) + 2e-3 * rough)  # noise crosses zero
+    assert not decay_of(t, 0.2 * np.exp(-20.0 * t) + 2e-3 * rough)  # noise crosses zero
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ import fitting as ff
 from fitting.campaign.recognised import recognised
 from fitting.cli.main import main
 from fitting.draft.api import init
-from fitting.draft.crossing import Spectra, crossing_of
+from fitting.draft.maps import Spectra, crossing_of
 from fitting.resonance.reading import Columns
 from fitting.result.result import read_result
 from fitting.text.arrays import ComplexArray, FloatArray

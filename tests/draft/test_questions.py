@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from fitting.draft.questions import MOST_TRIES, Answers, Question
+from fitting.draft.document import MOST_TRIES, Answers, Question
 from fitting.text.errors import BadInput
 
 OUTPUT = Question(

@@ -13,7 +13,7 @@ import pytest
 
 import fitting as ff
 from fitting.draft.api import init
-from fitting.draft.maps import series_of
+from fitting.draft.maps import map_of_files
 from fitting.measurements.control_tables import ReadSpectra
 from fitting.resonance.reading import Columns
 from fitting.text.arrays import ComplexArray
@@ -84,7 +84,8 @@ WAYS: dict[str, tuple[Callable[[float], str], str, list[str]]] = {
 def test_five_sweeps_are_one_map_over_their_control(way: str, tmp_path: Path) -> None:
     name, head, options = WAYS[way]
     paths = written(tmp_path, name, head)
-    found = series_of(paths, Columns(), options[1] if options else None, tmp_path, joint=False)
+    given = [(path, Columns()) for path in paths]
+    found = map_of_files(given, options[1] if options else None, tmp_path, joint=False)
     assert found is not None
     shift = 3.0 if way == "file names, a unit alone" else 0.0
     assert found.control_map.settings[:, 0].tolist() == [v + shift for v in VOLTS]
@@ -146,8 +147,9 @@ def test_sweeps_without_a_control_are_refused_in_one_sentence(
 )
 def test_values_that_do_not_suit_the_files_are_refused(control: str, tmp_path: Path) -> None:
     paths = written(tmp_path, WAYS["file names"][0])
+    given = [(path, Columns()) for path in paths]
     with pytest.raises(BadInput, match="--control"):
-        series_of(paths, Columns(), control, tmp_path, joint=False)
+        map_of_files(given, control, tmp_path, joint=False)
 
 
 def without_a_crossing(folder: Path) -> list[Path]:
