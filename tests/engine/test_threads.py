@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -54,15 +56,20 @@ def test_of_two_that_overlap_the_last_gives_them_back() -> None:
 
 
 def test_a_fit_is_solved_on_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the door calls sees one thread; the complaint of a wrong argument is all it takes.
-
-    Behind the check of types, which is there before.
-    """
+    """What both call first sees one thread, the caller its own number afterwards."""
     seen: list[set[int]] = []
-    monkeypatch.setattr(fitted, "isinstance", lambda *_: seen.append(threads()), raising=False)
+
+    def look(*_: object) -> None:
+        seen.append(threads())
+        raise ff.BadInput("looked")
+
+    for name in ("search_options", "require_values"):
+        monkeypatch.setattr(fitted, name, look)
+    given: Any = SimpleNamespace(problem=SimpleNamespace(record=SimpleNamespace(campaigns={})))
+    given.values = ()
     verbs: tuple[Callable[..., object], ...] = (ff.fit, ff.profile)
     for verb in verbs:
-        with pytest.raises(ff.BadInput):
-            verb.__wrapped__(None)  # type: ignore[attr-defined]
+        with pytest.raises(ff.BadInput, match="looked"):
+            verb.__wrapped__(given)  # type: ignore[attr-defined]
     assert seen == [{1}, {1}]
     assert threads() == {OWN}
