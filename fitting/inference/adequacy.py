@@ -411,10 +411,9 @@ def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
                     unknowns=2 * columns + moving(mine),
                     noise_is_known=curve.sigma > 0.0,
                 )
-                table = "[complex_control_sweep]" if m.units else "[[complex_sweep]]"
                 measured = curve.u_hz, m.without_delay(curve, at)
                 refuted.append(
-                    compared_complex(*measured, one, columns, label=curve.label, table=table)
+                    compared_complex(*measured, one, columns, label=curve.label, table=m.table)
                 )
         elif isinstance(m, Traces):
             for trace in m.traces:

@@ -246,6 +246,10 @@ def background_p(plain: LineFit | str, full: LineFit | str) -> float:
     return chance(plain.squares, plain.unknowns, full.squares, full.unknowns, full.structure, rows)
 
 
+#: By which a campaign states the background of its sweep.
+BACKGROUND_KEY = ("[sweep] background",)
+
+
 def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
     """Residuals of the line that are no noise, and a background that changes it.
 
@@ -258,7 +262,7 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
     if chosen is not None and chosen.structure.widening > WORTH_TELLING and not fitted:
         structure = chosen.structure
         numbers = {"widening": structure.widening, "points": structure.points}
-        names = {"tests": (structure.departure,)}
+        names = {"tests": (structure.departure,), "keys": BACKGROUND_KEY}
         yield warning(Kind.line_residuals, "sweep", names, **numbers)
     if not depends_on_background(line):
         return
@@ -277,7 +281,11 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
     yield warning(
         Kind.line_background,
         "sweep",
-        {"background": (full.name,), "key": (full.name,) if full.name in ADDED else ()},
+        {
+            "background": (full.name,),
+            "key": (full.name,) if full.name in ADDED else (),
+            "keys": BACKGROUND_KEY,
+        },
         shift_hz=full.frequency.value - plain.frequency.value,
         sigmas=_apart(plain.frequency, full.frequency),
         p_value=line.background_p,

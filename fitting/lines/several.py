@@ -286,25 +286,49 @@ def _place(
 ) -> tuple[float, float, complex] | None:
     """Where one more line would explain most of the residuals; None where that is little."""
     residuals = (values - best.curve) / float(np.max(np.abs(values)))
-    span, spacing = float(np.ptp(f)), float(np.median(np.diff(f)))
-    gains = []
-    width = max(LEAST_POINTS * spacing, NARROWEST * best.width.value)
-    while width <= min(WIDEST * best.width.value, OF_SPAN * span):
-        count = max(2, int(2.0 * span / width))
-        places = np.linspace(f[0] + 0.5 * width, f[-1] - 0.5 * width, count)
-        for line in (best, *best.others):
-            apart = 0.5 * APART * (width + line.width.value)
-            places = places[np.abs(places - line.frequency.value) > apart]
-        if 0 < places.size * f.size <= MOST_PLACES:
-            gains.append(_best_of(f, residuals, places, width))
-        width *= 2.0
-    if not gains:
+    known = [Place(line.frequency.value, line.width.value) for line in (best, *best.others)]
+    widths = NARROWEST * best.width.value, WIDEST * best.width.value
+    found = strongest_line(f, residuals, widths, known)
+    if found is None:
         return None
-    gain, at, width, height = max(gains, key=lambda each: each[0])
+    gain, at, width, height = found
     rows = residuals.size * (2 if np.iscomplexobj(values) else 1)
     noise = max((best.squares - gain) / max(1, rows - best.unknowns), 1e-12)
     size = best.amplitude.value / float(np.max(np.abs(values)))
     return (at, width, height / size) if gain > WORTH_TRYING * noise else None
+
+
+def strongest_line(
+    frequency_hz: FloatArray,
+    residuals: FloatArray | ComplexArray,
+    widths_hz: tuple[float, float] = (0.0, math.inf),
+    known: Sequence[Place] = (),
+) -> tuple[float, float, float, complex] | None:
+    """The line, among those of every place and width, that explains most of residuals.
+
+    Args:
+        frequency_hz: rising, shape (n,), Hz.
+        residuals: of amplitudes or of complex values, shape (n,), any unit.
+        widths_hz: least and largest FWHM, as far as points and span show them, Hz.
+        known: lines from which it is apart.
+
+    Returns:
+        By how much it reduces the squares, its frequency and FWHM, Hz, and its complex height; None
+        where there is no such place.
+    """
+    f = frequency_hz
+    span, spacing = float(np.ptp(f)), float(np.median(np.diff(f)))
+    gains, width = [], max(LEAST_POINTS * spacing, widths_hz[0])
+    while width <= min(widths_hz[1], OF_SPAN * span):
+        count = max(2, int(2.0 * span / width))
+        places = np.linspace(f[0] + 0.5 * width, f[-1] - 0.5 * width, count)
+        for line in known:
+            apart = 0.5 * APART * (width + line.width_hz)
+            places = places[np.abs(places - line.frequency_hz) > apart]
+        if 0 < places.size * f.size <= MOST_PLACES:
+            gains.append(_best_of(f, residuals, places, width))
+        width *= 2.0
+    return max(gains, key=lambda each: each[0], default=None)
 
 
 def _best_of(

@@ -157,6 +157,11 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
             curve.check_delay()
 
     @property
+    def table(self) -> str:
+        """The table of a campaign that it is of."""
+        return "[complex_control_sweep]" if self.units else "[[complex_sweep]]"
+
+    @property
     def has_phases(self) -> bool:
         """Two rows for each value."""
         return True

@@ -30,6 +30,7 @@ EXPRESSED = frozenset({Kind.not_converged, Kind.not_described, Kind.profiles_mis
 CAUSES = (
     Kind.bounds_off_line,
     Kind.frequencies_apart,
+    Kind.line_missing,
     Kind.contradiction,
     Kind.outlier,
     Kind.gain,
@@ -303,6 +304,9 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return phrase("next", "more_starts"), ""
     if Kind.contradiction in kinds:
         return phrase("next", "separate_fits"), ""
+    # where the model lacks a line its parameters go to their bounds for it
+    for missing in of_kind(result.findings, Kind.line_missing):
+        return phrase("next", "missing_line", missing.numbers["frequency_hz"]), ""
     adequacy = None if knowledge is None else knowledge.adequacy
     limited = _limited_by_bounds(result)
     if status != "converged":
@@ -319,14 +323,20 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return phrase("next", "measure_assumed", list(map(sign, assumed.names["assumed"]))), ""
     target = target_of(result, left)
     if not target:
-        for wider in of_kind(result.findings, Kind.noise_underestimated):
-            return phrase("next", "state_noise", wider.numbers["factor"]), ""
-        structured = (f.kind in STRUCTURED and f.severity != "note" for f in result.findings)
-        return phrase("next", "background" if any(structured) else "none_needed"), ""
+        return _where_all_is_determined(result), ""
     if "budget" in result.scans[target].stopped:
         return _larger_budget(result)
     command = _design_command(result, target)
     return phrase("next", "determine", target, not command), command
+
+
+def _where_all_is_determined(result: Result) -> str:
+    """What to do where every requested value is determined: about noise and structure."""
+    for wider in of_kind(result.findings, Kind.noise_underestimated):
+        return phrase("next", "state_noise", wider.numbers["factor"])
+    structured = [f for f in of_kind(result.findings, *STRUCTURED) if f.severity != "note"]
+    keys = dict.fromkeys(key for f in structured for key in f.names.get("keys", ()))
+    return phrase("next", "background", [*keys]) if structured else phrase("next", "none_needed")
 
 
 def _limited_by_bounds(result: Result) -> list[str]:

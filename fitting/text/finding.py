@@ -45,6 +45,7 @@ class Kind(StrEnum):
     frequencies_apart = "frequencies_apart"
     weak_peaks = "weak_peaks"
     unknown_line = "unknown_line"
+    line_missing = "line_missing"
     points_left_out = "points_left_out"
     # the sweep and the scale
     sweep_power = "sweep_power"

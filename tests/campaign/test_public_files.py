@@ -130,6 +130,8 @@ def test_recordings_of_labview_are_called_so(path: Path) -> None:
 def test_the_cantilever_is_where_its_microscope_says() -> None:
     """The header tells f_res = 30281.5211 Hz and Q = 1161."""
     found = recognised(DATA / "afm_sensor" / "afm_sensor_sweep.dat")
+    # its frequency is no column of the file: what was added is printed
+    assert "Frequency = Center Frequency + Frequency Shift" in found.words
     trace = read_trace(found.path, None, seeming_selection(found))
     assert trace.phase is not None
     values = (trace.amplitude * np.exp(-1j * np.radians(trace.phase))).astype(complex)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +18,9 @@ from fitting.measurements.control_tables import odd_harmonics
 from fitting.measurements.measurement import Prediction
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.shown import shown_fit
+from fitting.report.summary import summary_of
 from fitting.text.errors import BadInput
+from fitting.text.finding import Kind
 from tests.support import crossing_spectra as crossing
 
 TRUTH = {
@@ -61,6 +64,24 @@ def test_rows_at_the_truth_are_those_of_the_closed_form(
     assert shared == pytest.approx(apart.ravel(), abs=1e-9)
     plain = from_arrays(swift, exact, "none").residuals(q)
     assert plain == pytest.approx(np.zeros(exact.size), abs=1e-9)
+
+
+def test_a_line_that_the_model_lacks_is_named_with_its_place(
+    swift: ff.Fmu, swift_fmu: Path, tmp_path: Path
+) -> None:
+    """A third line at 1012 Hz, half as high as the others: what to do next is about it."""
+    u = crossing.SWEPT_HZ
+    exact = np.array([crossing.phasor(u, v) for v in crossing.VOLTS])
+    third = 0.5 * np.max(np.abs(exact)) / (1.0 + 2j * (u - 1012.0) / 2.0)
+    scatter = np.random.default_rng(5).standard_normal(exact.shape)
+    amplitude = np.abs(exact + third + NOISE * np.max(np.abs(exact)) * scatter)
+    path = crossing.written(tmp_path, swift_fmu, amplitude)
+    result = ff.fit(ff.Problem.of(ff.read_campaign(path), swift), starts=1).result
+    assert result.status != "converged"
+    [finding] = [f for f in result.findings if f.kind is Kind.line_missing]
+    assert finding.numbers["frequency_hz"] == pytest.approx(1012.0, abs=1.0)
+    assert 0.5 < finding.numbers["removed"] <= 1.0
+    assert re.search(r"101[123](\.\d+)? Hz|1\.01[123]\d* kHz", summary_of(result).advice)
 
 
 def test_columns_of_other_names_without_units_are_told_by_the_campaign(

@@ -22,7 +22,8 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
-from fitting.inference.likelihood.knowledge import Determined, Scan
+from fitting.fit.fit import Status
+from fitting.inference.likelihood.knowledge import Adequacy, Determined, Scan
 from fitting.measurements.figure import Axis, Form, Layer, Panel, Role
 from fitting.measurements.figure import Figure as Described
 from fitting.report.figures import reconstruction
@@ -231,6 +232,28 @@ def test_each_figure_says_what_it_is(
         assert len(drawing.caption) > 80
         assert drawing.alt
         assert drawing.alt != drawing.caption
+
+
+def test_figures_of_a_model_that_fails_print_that_its_numbers_are_no_results(
+    result: Result, data: ShownCampaign
+) -> None:
+    """Nor does one of them print what is determined, or where the values are."""
+    failed = Adequacy(chi_square=900.0, freedom=30.0, p_value=0.0, describes=False)
+    gone = {n: replace(p, status=Verdict.WITHDRAWN) for n, p in result.parameters.items()}
+    bad = replace(
+        result,
+        status=Status.MISFIT,
+        ending=replace(result.ending, kind="not_described", adequacy=failed),
+        parameters=gone,
+        derived={n: replace(d, status=Verdict.WITHDRAWN) for n, d in result.derived.items()},
+    )
+    for figure in planned_figures(bad, records.with_figures(data, result)).values():
+        with style():
+            drawing = figure.drawing(1)
+        for words in (drawing.caption, drawing.alt):
+            assert words.endswith("are no results: the model does not describe the data.")
+            assert "most likely" not in words
+            assert "determine" not in words
 
 
 def test_nothing_in_a_figure_is_fetched(files: list[Described]) -> None:

@@ -318,6 +318,17 @@ def test_a_bad_end_has_another_next_step(result: Result, status: Status, told: s
     assert told in summary_of(replace(result, status=status)).advice
 
 
+@pytest.mark.parametrize("keys", [(), ("[sweep] background",)])
+def test_a_background_is_proposed_where_the_campaign_can_have_one(
+    result: Result, keys: tuple[str, ...]
+) -> None:
+    found = warning(Kind.correlated_residuals, numbers={"widening": 2.0}, names={"keys": keys})
+    known = replace(result, knowledge=plot_records.determined().knowledge, findings=(found,))
+    advice, _ = next_step(known, {})
+    assert "another model" in advice
+    assert ("background" in advice) is bool(keys)
+
+
 def test_values_that_the_samples_leave_are_decided_by_the_bounds(result: Result) -> None:
     """No further measurement of the kind tells f from f - rate."""
     found = warning(

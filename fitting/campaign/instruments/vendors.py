@@ -95,7 +95,8 @@ def _read_nanonis(path: Path, _: Selection) -> Recording:
             "wanted the same unit, because they are added"
         )
     added = channel_of("Frequency", unit, table.numbers(shift) + table.numbers(center))
-    return replace(made, channels=(added, *made.channels))
+    words = f"{made.words}, Frequency = Center Frequency + Frequency Shift"
+    return replace(made, channels=(added, *made.channels), words=words)
 
 
 def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:

@@ -20,6 +20,7 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.laws import in_base
@@ -36,7 +37,9 @@ from fitting.fit.search import lowest
 from fitting.inference.agreement import contradictions
 from fitting.inference.estimates import DETERMINED, Outputs
 from fitting.inference.likelihood.knowledge import Adequacy, JointResult
-from fitting.inference.sweeps import SweepFindings, SweepLine, line_findings
+from fitting.inference.sweeps import BACKGROUND_KEY, SweepFindings, SweepLine, line_findings
+from fitting.lines.several import FEWEST, strongest_line
+from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.sweep import Sweep
 from fitting.signal.combinations import mixed_hz
@@ -162,7 +165,10 @@ def check_residuals(solved: Solved) -> Iterator[Finding]:
         yield Finding(kind=Kind.not_converged, severity="error", subject=subject_of(series))
     widening = 1.0 if structure is None else structure.widening
     by_rule = () if adequacy is None else residual_findings(adequacy, series, widening)
-    yield from by_rule
+    keys = {"keys": background_keys(solved.data)}
+    for finding in by_rule:
+        correlates = finding.kind is Kind.correlated_residuals
+        yield replace(finding, names={**finding.names, **keys}) if correlates else finding
 
     # errors that are scaled although the rule names no reason
     outliers = adequacy is not None and bool(adequacy.outliers)
@@ -182,12 +188,27 @@ def check_residuals(solved: Solved) -> Iterator[Finding]:
     yield warning(
         Kind.correlated_residuals if correlated else Kind.heteroscedastic_residuals,
         subject_of(data.series),
-        {"tests": (structure.departure,)},
+        {"tests": (structure.departure,)} | (keys if correlated else {}),
         widening=structure.widening,
         points=structure.points,
         count=float(solved.solution.final.residuals[data.curve_rows].size),
         can_state=float(structure.is_unequal and can_state),
     )
+
+
+def background_keys(data: Dataset) -> tuple[str, ...]:
+    """Keys of a campaign by which a background of its curves would be fitted, where none is.
+
+    Args:
+        data: all measurements.
+    """
+    keys: list[str] = []
+    for m in data.measurements:
+        if isinstance(m, Sweep) and m.fitted and m.added == "none":
+            keys += BACKGROUND_KEY
+        elif isinstance(m, ComplexSweep) and any(c.wiring.background == "none" for c in m.records):
+            keys.append(f"{m.table} background")
+    return tuple(dict.fromkeys(keys))
 
 
 def residual_findings(
@@ -429,6 +450,9 @@ PREFIXES = (1e3, 1e-3, 1e6, 1e-6)
 NARROW = 10.0
 #: How far lines of one experiment may be apart, relative.
 NEAR = 0.2
+#: Share of a curve's squared residuals that a line explains where it is missing in the model; and
+#: height of a line of the model over its largest value.
+MOSTLY, MODELLED = 0.5, 0.03
 #: Highest order of mixtures of tones that explain a line of a spectrum.
 MIXED_ORDER = 5
 #: Weak peaks that are named one by one.
@@ -541,6 +565,42 @@ def check_unknown_lines(solved: Solved) -> Iterator[Finding]:
         label, unit, place, height = max(unknown, key=lambda each: each[3])
         numbers = {"count": float(len(unknown)), "frequency_hz": place, "height": height}
         yield warning(Kind.unknown_line, label, {"unit": (unit,)}, **numbers)
+
+
+def check_missing_lines(solved: Solved) -> Iterator[Finding]:
+    """The line of a curve that makes most of its residuals, where the model has no line itself.
+
+    Of correlated residuals, or a model that does not describe the data, where no mistake of the
+    measurement explains them; the largest line.
+    """
+    adequacy = solved.adequacy
+    if adequacy is None or (adequacy.describes and not adequacy.is_correlated) or solved.causes:
+        return
+    data, residuals, lines = solved.data, solved.solution.final.residuals, []
+    for m, at in zip(data.measurements, data.slices, strict=True):
+        for curve in m.residual_curves(residuals[at]):
+            f = curve.axis[: curve.measured.size]  # complex values have every place twice
+            if f.size < FEWEST:
+                continue
+            left, model = curve.measured - curve.model, np.abs(curve.model)
+            line = strongest_line(f, left)
+            if line is None or line[0] < MOSTLY * float(np.sum(np.abs(left) ** 2)):
+                continue
+            gain, place, width, _ = line
+            # residuals about a line of the model, or a dip, are those of its own place and width
+            least = MODELLED * float(np.max(model))
+            own = [
+                *find_peaks(model, prominence=least)[0],
+                *find_peaks(-model, prominence=least)[0],
+            ]
+            if np.all(np.abs(f[own] - place) > width):
+                name = "/".join(filter(None, (m.series, curve.name)))
+                size = gain / float(np.max(np.abs(curve.measured))) ** 2
+                lines.append((size, name, place, width, gain / float(np.sum(np.abs(left) ** 2))))
+    if lines:
+        _, name, place, width, share = max(lines)
+        numbers = {"frequency_hz": place, "width_hz": width, "removed": share}
+        yield warning(Kind.line_missing, name, None, **numbers)
 
 
 # --- the scale, and the simulation's error --------------------------------------------------------

@@ -61,12 +61,14 @@ def draw_convergence(result: Result, data: ShownCampaign) -> Described:
     """
     groups, outputs = _groups(result), list(result.derived)
     every: dict[str, FittedEstimate] = {**result.parameters, **result.derived}
+    # of withdrawn ones no verdict is left
+    every = {name: e for name, e in every.items() if e.status is not Verdict.WITHDRAWN}
     unknown = [name for name, e in every.items() if e.status is Verdict.UNKNOWN]
     words = described(
         CONVERGENCE,
         result=result,
         levels=len(result.history) - 1,
-        other=any(p.value != p.algorithm2 for p in result.parameters.values()),
+        other=any(p.value != p.algorithm2 for n, p in result.parameters.items() if n in every),
         open=[n for n, e in every.items() if not e.status.has_value and n not in unknown],
         unknown=unknown,
     )

@@ -28,6 +28,7 @@ from fitting.report.figures.tones import (
     draw_over_frequency,
     draw_per_experiment,
 )
+from fitting.report.screen import phrase
 from fitting.report.shown import ShownCampaign, shares_of
 from fitting.result.result import Result
 from fitting.text.results_folder import write_whole
@@ -164,7 +165,19 @@ def planned_figures(result: Result, data: ShownCampaign) -> dict[str, Planned]:
     planned += [Planned(name=f.name, draw=partial(draw_measurement, f, data)) for f in data.figures]
     if result.knowledge is not None:
         planned += knowledge_figures(result, data.title, synthetic=data.synthetic)
+    # captions name numbers of the model, as the distance of its lines
+    adequacy = result.ending.adequacy
+    if adequacy is not None and not adequacy.gives_values:
+        words = phrase("figures", "withdrawn", adequacy)
+        planned = [replace(each, draw=partial(_withdrawn, each.draw, words)) for each in planned]
     return numbered(planned, result, [figure.name for figure in data.figures])
+
+
+def _withdrawn(draw: Callable[[], Figure], words: str) -> Figure:
+    """A figure of a model without values: its caption prints that it has none."""
+    made = draw()
+    alt = f"{made.alt} {words}" if made.alt else ""
+    return replace(made, caption=f"{made.caption} {words}", alt=alt)
 
 
 def _of_series(
