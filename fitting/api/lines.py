@@ -81,7 +81,7 @@ class LineRow:
         fit = self.line
         if fit is None:
             return ()
-        made = [f"residuals {what}" for what in fit.structure.found]
+        made = [f"residuals {what}" for what in fit.structure.deviations]
         made += ["second line"] * (fit.second is not None and not self.is_one_of_several)
         if isinstance(fit, Line):
             made += [fault.fault.value for fault in fit.faults]

@@ -1,1 +1,1 @@
-"""What was measured and what the FMU says to it: a file per kind of measurement."""
+"""Measured data and their prediction by the FMU: a file per kind of measurement."""

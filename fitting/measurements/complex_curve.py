@@ -3,7 +3,7 @@
 `Wiring` is how the response H of the FMU stands in what an instrument sees:
 
     transmission   S = e (a H + b + b' x)            a resonance that is driven and read
-    notch          S = a e (1 + s x + c H)           one beside a feed line; hanger
+    notch          S = a e (1 + s x + c H)           one at a feed line; hanger
     reflection     S = a e (1 + s x + c H)           one at the end of a line
 
     e = exp(-i 2 pi (u - u0) tau)     x = (u - u0)/half the span     u0 the middle of the sweep
@@ -13,7 +13,7 @@ every evaluation (`fitting.measurements.gain`). The delay tau is a parameter of 
 complex gain with a constant background makes a Fano line. Values count phases as
 Re[S exp(i 2 pi u t)].
 
-`dip_qualities` are the quality factors of a mode beside a line. Where one mode is seen, with loaded
+`dip_qualities` are the quality factors of a mode at a line. Where one mode is observed, with loaded
 quality Q and the dip D = -c H(eta) at its eigenfrequency, 1 + c H the wiring,
 
     notch          D = (Q/|Qc|) exp(i phi)           reflection     D = 2 (Q/|Qc|) exp(i phi)
@@ -174,7 +174,7 @@ class ComplexCurve(Record, Curve):
         object.__setattr__(self, "y", values)
 
     def check_delay(self) -> None:
-        """Complain of a delay that is to be fitted and that the sweep cannot tell.
+        """Refuse a delay that is to be fitted and that the sweep does not determine.
 
         Raises:
             BadInput: the phase of the line itself hides it.
@@ -200,9 +200,9 @@ class ComplexCurve(Record, Curve):
         return float(np.max(np.abs(self.y)))
 
     def scatter(self) -> float:
-        """Standard deviation of each quadrature about a smooth curve; 0 where too few tell it.
+        """Standard deviation of each quadrature about a smooth curve; 0 where there are too few.
 
-        The turns of the cable are taken off, as its phases show it where nobody knows the delay.
+        The turns of the cable are taken off, as its phases show them where the delay is unknown.
         """
         delay_s = self.line.delay_s if self.delay_s is None else self.delay_s
         return roughness(self.y * np.exp(2j * np.pi * (self.u_hz - self.u_hz[0]) * delay_s))
@@ -226,7 +226,7 @@ class ComplexCurve(Record, Curve):
         return both_parts(np.asarray(values, dtype=complex)) / self.largest
 
     def without_response(self) -> ComplexArray:
-        """What a constant, and what is declared beside the response, leave of its values, (n,).
+        """Its values less a constant and what is declared to add to the response, (n,).
 
         Behind the delay that the best single line has.
         """

@@ -179,7 +179,7 @@ class ComplexSweep(SweepsTogether[ComplexCurve]):
         shared = tuple(k for k, c in enumerate(self.records) if c.shared)
         alone = [SharedGain((k,)) for k, c in enumerate(self.records) if not c.shared]
         rotated = any(self.records[k].restarted for k in shared)
-        return (*alone, *([SharedGain(shared, turned=rotated)] if shared else []))
+        return (*alone, *([SharedGain(shared, modulus_only=rotated)] if shared else []))
 
     @property
     def solved_inside(self) -> int:

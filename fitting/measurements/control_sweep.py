@@ -1,7 +1,7 @@
 """Control sweep: spectra of the response over drive frequency, one at each value of a control.
 
-A control is a voltage, a capacitance, a flux, a temperature; laws of a campaign say which variables
-of the FMU follow it. Whole spectra are fitted, and nobody has to say which branch a line is of:
+A control is a voltage, a capacitance, a flux, a temperature; laws of a campaign define which
+variables of the FMU follow it. Whole spectra are fitted, and no line is assigned to a branch:
 
     r_ki = (chi_k D_ki A_k(f_i) - L_ki)/max_i L_k
 
@@ -21,11 +21,11 @@ weights w,
     chi minimises sum_i w_i (M(chi A_i) - L_i)^2                  magnitudes of noisy quadratures
 
 (variable projection); M is the mean of a magnitude (`fitting.signal.roughness`). Unlike complex
-gains (`fitting.measurements.gain`) scales are positive, nothing stands beside them, and the
-last two enter otherwise than linearly: the one is a mean of logarithms, the other takes steps.
+gains (`fitting.measurements.gain`) scales are positive, there is no background with them, and the
+last two do not enter linearly: the one is a mean of logarithms, the other takes steps.
 
-Noise that is told by the scatter about a smooth curve is too large where lines are a few points
-wide, and M(0) with it: then it is told by the squares of each spectrum, whose mean is
+Noise by the scatter about a smooth curve is too large where lines are a few points wide, and M(0)
+with it: then the squares of each spectrum determine it, whose mean is
 chi^2 A^2 + 2 s^2, as far as that is less,
 
     s^2 = sum_i v_i (L_i^2 - chi^2 A_i^2)/(2 sum_i v_i)           v_i = 1/(chi^2 A_i^2 + s^2)
@@ -126,10 +126,10 @@ class ControlSpectrum(Curve):
         return float(np.max(self.y))
 
     def scatter(self, *, rectified: bool = False) -> float:
-        """Standard deviation of the amplitudes about a smooth curve; 0 where too few tell it.
+        """Standard deviation of the amplitudes about a smooth curve; 0 where there are too few.
 
         Args:
-            rectified: they are magnitudes of two quadratures, and told is the noise of each.
+            rectified: they are magnitudes of two quadratures; the result is the noise of each.
         """
         return quadrature_noise(self.y) if rectified else roughness(self.y)
 
@@ -214,7 +214,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
 
     @property
     def noise_freedom(self) -> float:
-        """Degrees of freedom of the noise of all rows, where each spectrum tells its own."""
+        """Degrees of freedom of the noise of all rows, where each spectrum has its own noise."""
         if not self.estimated:
             return math.inf
         return joined_freedom((s.y.size, roughness_freedom(s.y.size)) for s in self.spectra)
@@ -247,7 +247,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
     def _is_rectified(self) -> bool:
         return bool(np.any(self._quadrature_sigma > 0.0))
 
-    def seen_as(self, amplitude: FloatArray) -> FloatArray:
+    def detected_mean(self, amplitude: FloatArray) -> FloatArray:
         """What a detector makes of amplitudes on average, (rows,).
 
         Args:
@@ -255,7 +255,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         """
         if not self._is_rectified:
             return amplitude
-        return rician(amplitude, self._noise_beside(amplitude)).mean
+        return rician(amplitude, self._quadrature_noise(amplitude)).mean
 
     @cached_property
     def measured_rows(self) -> FloatArray:
@@ -281,7 +281,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         result = np.zeros((self.rows, self.solved_inside))
         values = self.scaled(prediction, 1.0)
         if self._is_rectified:
-            values = rician(values, self._noise_beside(values)).slope * values
+            values = rician(values, self._quadrature_noise(values)).slope * values
         values = values / self.sizes
         if self.logarithmic:
             values = np.ones(self.rows)
@@ -363,7 +363,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         return Scale(float(chi))
 
     def scaled(self, prediction: Prediction, chi: float) -> FloatArray:
-        """Simulated amplitudes beside the measured ones, (rows,), without noise.
+        """Simulated amplitudes for the measured ones, (rows,), without noise.
 
         Args:
             prediction: of all spectra, without scale.
@@ -384,13 +384,13 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         scaled = self.scaled(prediction, chi)
         if self.logarithmic:
             return np.asarray(np.log(scaled / self.measured))
-        return (self.seen_as(scaled) - self.measured) / self.sizes
+        return (self.detected_mean(scaled) - self.measured) / self.sizes
 
     # --- scales, solved inside -------------------------------------------------------------------
 
     @cached_property
     def _lengths(self) -> IntArray:
-        """Numbers of rows of each spectrum, (spectra,), if squares tell its noise; else empty."""
+        """Rows of each spectrum, (spectra,), if squares determine its noise; else empty."""
         scattered = all(s.scattered for s in self.spectra)
         return np.array([s.y.size for s in self.spectra] if scattered else [])
 
@@ -414,8 +414,8 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
             last = self._remembered[0] = (values, self._solved(values))
         return last[1]
 
-    def _noise_beside(self, scaled: FloatArray) -> FloatArray:
-        """Noise of each quadrature beside amplitudes, (rows,), at most as the scatter says.
+    def _quadrature_noise(self, scaled: FloatArray) -> FloatArray:
+        """Noise of each quadrature under amplitudes, (rows,), at most that of the scatter.
 
         Args:
             scaled: simulated amplitudes under the drive and the scale, (rows,).
@@ -471,7 +471,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         return result
 
     def _of_magnitudes(self, values: FloatArray, least: FloatArray) -> FloatArray:
-        """Scales from what the squares say, whose mean is chi^2 values^2 + 2 sigma^2, by steps.
+        """Scales from the squares, whose mean is chi^2 values^2 + 2 sigma^2, by steps.
 
         They are those of Gauss and Newton; a fixed number of them keeps the rows smooth.
         """
@@ -481,7 +481,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         result = np.sqrt(np.maximum(square / self._sums(shape * values**2), least**2))
         for _ in range(SCALE_STEPS):
             scaled = np.repeat(result, self._counts) * values
-            observed = rician(scaled, self._noise_beside(scaled))
+            observed = rician(scaled, self._quadrature_noise(scaled))
             slopes = observed.slope * values
             pull = self._sums(weights * slopes * (self.measured - observed.mean))
             result = np.maximum(result + pull / self._sums(weights * slopes**2), least)
@@ -558,7 +558,8 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         fitted = self.scaled(Prediction(np.asarray(after, dtype=float)), 1.0)
         known = bool(np.all(self.sigma > 0.0))
         size = self.sigma * self.sizes if known else 0.01 * self.sizes
-        left, unit = (self.seen_as(fitted) - self.measured) / size, "σ" if known else "% of maximum"
+        left = (self.detected_mean(fitted) - self.measured) / size
+        unit = "σ" if known else "% of maximum"
         measured, simulated, amplitude_unit = self.measured, fitted, self.unit
         if self.logarithmic:
             left, unit = 20.0 * np.log10(fitted / self.measured), "dB"

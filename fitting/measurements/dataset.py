@@ -49,7 +49,7 @@ class Dataset:
     """Measurements whose rows stand one after the other; those of one series share a scale.
 
     Curves stand last. `weigh` and `outliers` change the misfit "squares", see there; `names` are
-    the series in the order in which they are told, where that is not the order of their rows.
+    the series in their declared order, where that is not the order of their rows.
 
     Raises:
         ValueError: not a single row, or a curve before peaks.
@@ -79,7 +79,7 @@ class Dataset:
 
     @cached_property
     def series(self) -> tuple[str, ...]:
-        """Names of the series: as told, else in the order of their first measurement."""
+        """Names of the series: as declared, else in the order of their first measurement."""
         return tuple(dict.fromkeys([*self.names, *(m.series for m in self.measurements)]))
 
     @cached_property
@@ -183,7 +183,7 @@ class Dataset:
         return tuple(result)
 
     def unexplained(self, residuals: FloatArray) -> str:
-        """What says that rows (m,) do not follow the data at all; empty where they do.
+        """Why rows (m,) count as not following the data at all; empty where they follow them.
 
         A fit that ends far from any solution may sit on a plateau: flat, and so stationary. What
         is no more than the noise that is stated follows the data as far as they are known.

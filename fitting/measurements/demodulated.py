@@ -5,8 +5,8 @@
 
 The columns of D (n, modes) are free responses of a linear FMU, demodulated (`signal.rotating`);
 factors c, offset o and noise s are solved inside. One run answers, whose samples lie as far apart
-as those of the record, a few between two, and a short one that tells what turns forwards: a decay
-over 1e8 periods costs what one over 1e2 does.
+as those of the record, a few between two, and a short one that determines which phasors turn
+forwards: a decay over 1e8 periods costs as much as one over 1e2.
 
 Factors and noise of amplitudes (`solved_amplitude`) are those of least sum ((S - R)/w)^2, up to a
 phase that all factors have in common: s is the noise of each quadrature, from which amplitudes do
@@ -40,7 +40,7 @@ from fitting.measurements.measurement import Values
 from fitting.measurements.records import OfSetup
 from fitting.measurements.residuals import ResidualCurve
 from fitting.measurements.time_record import TimeRecord, ask_decay
-from fitting.measurements.trace_survey import Asked, TracesTogether
+from fitting.measurements.trace_survey import RequestedRuns, TracesTogether
 from fitting.measurements.traces import SHIFTS, together
 from fitting.signal.least_squares import damped_step
 from fitting.signal.rotating import SENSED, Reference, line_columns, reference, rotating_responses
@@ -142,7 +142,7 @@ class DemodulatedRecord(TimeRecord):
 
     @cached_property
     def scatter(self) -> Scatter:
-        """What the scatter of amplitudes tells of their noise."""
+        """The noise of amplitudes by their scatter."""
         return scatter_of(np.abs(self.y))
 
     @cached_property
@@ -155,7 +155,7 @@ class DemodulatedRecord(TimeRecord):
         """Noise of a quadrature below amplitudes, 0 for none; None: it is solved for.
 
         It is where the record reaches it. Elsewhere it would be confused with the decay itself,
-        and the scatter of the samples tells it.
+        and the scatter of the samples determines it.
         """
         if not self.floor:
             return 0.0
@@ -208,7 +208,7 @@ class DemodulatedRecord(TimeRecord):
 
     @cached_property
     def reference(self) -> Reference:
-        """The reference, and how many samples of a run tell its sense of rotation."""
+        """The reference, and how many samples of a run determine its sense of rotation."""
         return reference(self.frequency_hz, self.spacing_s)
 
     @property
@@ -236,14 +236,14 @@ class DemodulatedRecord(TimeRecord):
 
     @property
     def sensing_window(self) -> Window:
-        """Samples of a second response, which tells what turns forwards."""
+        """Samples of a second response, which determines what turns forwards."""
         step_s = self.reference.sensing_step_s
         return Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=SENSED)
 
 
 #: Steps at most, the relative one that ends them, and the damping of the first: its factors.
 STEPS, SETTLED = 100, 1e-13
-DAMPING, EASED, HELD = 1e-3, 0.1, 10.0
+DAMPING, DECREASED, INCREASED = 1e-3, 0.1, 10.0
 
 
 def solved_amplitude(
@@ -309,9 +309,9 @@ def _least(
         rest = (ahead[0] - measured) / weights
         small = float(np.max(np.abs(moved - x))) <= SETTLED * float(np.max(np.abs(x)))
         if float(rest @ rest) <= float(left @ left):
-            x, (values, design), damping = moved, ahead, EASED * damping
+            x, (values, design), damping = moved, ahead, DECREASED * damping
         else:
-            damping *= HELD
+            damping *= INCREASED
         if small:
             break
     return values, design
@@ -448,7 +448,7 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
 
     def ask(
         self, model: DrivenModel, trace: DemodulatedRecord, p: FloatArray, batch: Batch, owner: int
-    ) -> Asked:
+    ) -> RequestedRuns:
         """Numbers of the runs after a pulse: as the record is sampled, and a little slower.
 
         Args:
@@ -462,13 +462,13 @@ class DemodulatedTraces(TracesTogether[DemodulatedRecord]):
         plan, output = model.plan.step_plan(self.key(trace)), self.output_of(trace)
         window = trace.sensing_window
         sensing = trace.pulse(1 if plan is None else plan.per_sample, window=window)
-        return Asked(
+        return RequestedRuns(
             decay=ask_decay(trace, values, plan, batch, output, owner),
             further=batch.ask(values, window, sensing, output, owner),
         )
 
     def read(
-        self, trace: DemodulatedRecord, runs: Asked, decay: FloatArray | None, batch: Batch
+        self, trace: DemodulatedRecord, runs: RequestedRuns, decay: FloatArray | None, batch: Batch
     ) -> tuple[ComplexArray, FloatArray]:
         """Values (n,) of a trace, with the best factors, and derivatives (rows, k)."""
         if decay is None or runs.further is None:

@@ -41,17 +41,17 @@ def _window(
 
 
 @lru_cache(maxsize=MOST_WINDOWS)
-def _superposed(tones_hz: tuple[float, ...], settle_s: float, held_s: float, grid: Grid) -> Window:
+def _superposed(tones_hz: tuple[float, ...], settle_s: float, hold_s: float, grid: Grid) -> Window:
     """Likewise, for tones of which no mixtures are kept off, in a window that is short.
 
     Held steps all have the same length, that their images are alike from run to run.
     """
-    if grid.step_s or held_s:
-        on = grid if grid.step_s else Grid(step_s=held_s, longest_s=grid.longest_s)
+    if grid.step_s or hold_s:
+        on = grid if grid.step_s else Grid(step_s=hold_s, longest_s=grid.longest_s)
         result = window_on(on, tones_hz, settle_s, longest_s=COMMON * settle_s)
-        if held_s:
+        if hold_s:
             settle_s, steps = whole_steps(settle_s, on.step_s), round(result.step_s / on.step_s)
-            result = replace(result, settle_s=settle_s, held_steps=steps)
+            result = replace(result, settle_s=settle_s, hold_steps=steps)
     else:
         result = plan_window(tones_hz, settle_s, longest_s=COMMON * settle_s)
     return replace(result, longest_s=grid.longest_s)
@@ -74,7 +74,7 @@ _Roles = tuple[
 class DrivenModel:
     """How parameter vectors become runs of the FMU, for one series and one discrete alternative.
 
-    `own_step_s` is the step that the FMU was made for, None where it tells none; `any_steps`:
+    `own_step_s` is the step that the FMU declares, None where it declares none; `any_steps`:
     whether its communication steps may differ from each other; `integrated`: whether its equations
     are integrated here, by model exchange.
     """
@@ -253,11 +253,11 @@ class DrivenModel:
         Raises:
             BadInput: no samples keep them apart.
         """
-        held_s = self.single_tone_window(fastest_hz).input_step_s if self.held_steps else 0.0
-        return _superposed(tones_hz, self.plan.settle_s, held_s, self.plan.grid)
+        hold_s = self.single_tone_window(fastest_hz).input_step_s if self.hold_steps else 0.0
+        return _superposed(tones_hz, self.plan.settle_s, hold_s, self.plan.grid)
 
     @property
-    def held_steps(self) -> int:
+    def hold_steps(self) -> int:
         """Steps in a period of the fastest tone for which the tool holds it; 0: the FMU drives."""
         drive = self.setup.drive
         return drive.samples_per_period if drive.kind == "input" else 0
@@ -271,7 +271,7 @@ class DrivenModel:
         """
         order = max(self.setup.drive.highest_order, self.plan.order)
         return _window(
-            read_hz, tones_hz, self.plan.settle_s, self.held_steps, order, self.plan.grid
+            read_hz, tones_hz, self.plan.settle_s, self.hold_steps, order, self.plan.grid
         )
 
     def drive(

@@ -1,4 +1,4 @@
-"""What a measurement looks like beside its model, as data: panels of points, curves and stems.
+"""What a measurement looks like with its model, as data: panels of points, curves and stems.
 
 A kind of measurement answers with such a description (`Measurement.figures`);
 `report.figures.measurements.panel` draws any of them. Nothing here depends on colours or on a
@@ -102,7 +102,7 @@ class Panel:
 
     ``title`` stands above it, ``when`` before the label of y, ``notes`` are lines of text within.
     ``marked`` are places along x with a vertical line each; ``level`` is a horizontal line (NaN:
-    none). ``z`` is what the colours of a map stand for: about zero in both directions where it
+    none). ``z`` are the values of a map's colours: about zero in both directions where it
     goes from -h to h. ``joined``: the difference of measured and simulated values is drawn as a bar
     between both. ``shape`` numbers the marker of simulated points: one for each experiment.
     ``height`` is relative to that of a full panel.

@@ -1,15 +1,15 @@
-"""Complex gains: what multiplies a response and what stands beside it, solved inside.
+"""Complex gains: what multiplies a response and what is added to it, solved inside.
 
-    y_k = A_k c_k + noise,   A_k = [h_k, columns beside it],   c_k = [a_k, what is beside it]
+    y_k = A_k c_k + noise,   A_k = [h_k, further columns],   c_k = [a_k, coefficients of these]
 
 Segments k of data y, whose responses h the model's parameters p move. The coefficients enter
-linearly; at every p they are the best ones, and the fit sees the rows of p alone:
+linearly; at every p they are the best ones, and the rows of the fit depend on p alone:
 
     min_p min_c sum_k w_k^2 |A_k(p) c_k - y_k|^2 = min_p sum_k w_k^2 |A_k A_k^+ y_k - y_k|^2
 
 (variable projection; the right side with a gain of its own for each segment). Segments that share
 a gain have either one a for all, or its modulus alone and each a phase of its own, as after a
-restart of the instrument: beside the further columns, taken out of h and y,
+restart of the instrument: with the further columns projected out of h and y,
 
     one gain       a   = sum_k w_k^2 <h_k, y_k> / sum_k w_k^2 <h_k, h_k>
     one modulus    |a| = sum_k w_k^2 |<h_k, y_k>| / sum_k w_k^2 <h_k, h_k>
@@ -45,13 +45,13 @@ class Solved:
 
 @dataclass(frozen=True)
 class SharedGain:
-    """The gain of the segments ``members``, by number; with ``turned`` its modulus alone.
+    """The gain of the segments ``members``, by number; with ``modulus_only`` its modulus alone.
 
-    What stands beside the response is each segment's own.
+    The background of the response is each segment's own.
     """
 
     members: tuple[int, ...]
-    turned: bool = False
+    modulus_only: bool = False
 
     def unknowns(self, columns: Sequence[int]) -> int:
         """Number of real unknowns.
@@ -60,7 +60,7 @@ class SharedGain:
             columns: number of columns of every segment, of those of other gains as well.
         """
         nearby = sum(2 * (columns[k] - 1) for k in self.members)
-        return nearby + (1 + len(self.members) if self.turned else 2)
+        return nearby + (1 + len(self.members) if self.modulus_only else 2)
 
     def solve(
         self,
@@ -87,7 +87,7 @@ class SharedGain:
             products.append(weights[k] ** 2 * np.vdot(h, y))
             powers.append(weights[k] ** 2 * float(np.vdot(h, h).real))
             nearby.append(coefficients)
-        gains = gains_of(products, powers, rotated=self.turned)
+        gains = gains_of(products, powers, rotated=self.modulus_only)
         return {
             k: Solved(designs[k], np.concatenate([[gain], c[:, 1] - gain * c[:, 0]]))
             for k, gain, c in zip(self.members, gains, nearby, strict=True)
@@ -101,7 +101,7 @@ class SharedGain:
         """
         gains = {k: solved[k].design[:, 0] for k in self.members}
         result: list[dict[int, ComplexArray]] = []
-        if self.turned:
+        if self.modulus_only:
             phases = {k: np.exp(1j * np.angle(solved[k].coefficients[0])) for k in gains}
             result.append({k: phases[k] * h for k, h in gains.items()})
             result += [{k: 1j * phases[k] * h} for k, h in gains.items()]

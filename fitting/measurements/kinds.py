@@ -1,4 +1,4 @@
-"""The kinds of measurements that a campaign file can tell of, and campaigns with them.
+"""The kinds of measurements that a campaign file may contain, and campaigns with them.
 
 A kind is one file in this folder, or two, the second with its table. It holds the table of
 campaign.toml (a `MeasurementTable`), the data as arrays in a frozen record that answers to

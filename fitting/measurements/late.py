@@ -46,7 +46,7 @@ def late_by_s(
         return 0.0
     values = model.whole.values(p, trace.label or None, trace.settings)
     batch, output = Batch(), kind.output_of(trace)
-    runs = [batch.ask(values, look.closer, look.held_signal, output) for look in looks if look]
+    runs = [batch.ask(values, look.closer, look.hold_signal, output) for look in looks if look]
     try:
         batch.simulate(workers)
     except NoAnswer:

@@ -43,7 +43,7 @@ class MappedSpectrum:
 
 @dataclass(frozen=True, kw_only=True)
 class ControlMaps:
-    """Maps of spectra over their control, whose `units` are told by name.
+    """Maps of spectra over their control, with the `units` by name.
 
     `amplitude` and `rest` are the axes of colours; `what` is drawn, in words.
     """
@@ -72,8 +72,8 @@ class ControlMaps:
         return len(set(values)) < len(values)
 
     @cached_property
-    def _told(self) -> tuple[str, ...]:
-        """The controls that tell numbered spectra apart for a reader: those whose values repeat.
+    def _label_controls(self) -> tuple[str, ...]:
+        """The controls that label numbered spectra: those whose values repeat.
 
         Of the others each spectrum has its own value, as of the time.
         """
@@ -84,7 +84,7 @@ class ControlMaps:
     @property
     def over(self) -> str:
         """What the maps are drawn over."""
-        return listed(self._told) if self.numbered else self.control
+        return listed(self._label_controls) if self.numbered else self.control
 
     @property
     def _unit(self) -> str:
@@ -102,11 +102,11 @@ class ControlMaps:
         """The control; of numbered spectra a text for each, or for some where there are many."""
         if not self.numbered:
             return Axis(self.control, self._unit)
-        units = [unit_text(self.units.get(name, "")) for name in self._told]
-        heads = [f"{n} ({u})" if u else n for n, u in zip(self._told, units, strict=True)]
+        units = [unit_text(self.units.get(name, "")) for name in self._label_controls]
+        heads = [f"{n} ({u})" if u else n for n, u in zip(self._label_controls, units, strict=True)]
         every = math.ceil(len(self.spectra) / MOST_TICKS)
         ticks = tuple(
-            (at, "\n".join(_written(s.settings.get(name)) for name in self._told))
+            (at, "\n".join(_written(s.settings.get(name)) for name in self._label_controls))
             for at, s in list(zip(self._at, self.spectra, strict=True))[::every]
         )
         return Axis(" above ".join(heads), ticks=ticks)
@@ -167,7 +167,7 @@ class ControlMaps:
             y_axis = Axis("frequency", "Hz")
             return Panel(x=self._axis, y=y_axis, z=axis, layers=(drawn, *further), title=title)
 
-        controls = self._told if self.numbered else (self.control,)
+        controls = self._label_controls if self.numbered else (self.control,)
         ordered = ", in the order of the data" if self.numbered else ""
         return Figure(
             name=self.name,
@@ -208,7 +208,7 @@ FINE = 1001
 def lines_figure(maps: ControlMaps) -> Figure:
     """A panel for each sweep, points on the fitted curve, with the difference below it.
 
-    Maxima of the fitted curve are marked, and their distance is told.
+    Maxima of the fitted curve are marked, and their distance is printed.
 
     Args:
         maps: the sweeps as maps would show them.

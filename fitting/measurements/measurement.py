@@ -165,7 +165,7 @@ class Measurement:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What is fitted beside the FMU's parameters, as the delay of a cable."""
+        """What is fitted with the FMU's parameters, as the delay of a cable."""
         return ()
 
     @property

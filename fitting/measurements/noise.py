@@ -56,9 +56,9 @@ TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
 WINDOWS = ("none", *TAPERS)
 #: Points of a spectrum, at least.
 LEAST_POINTS = 8
-#: Averages from which on the residuals are asked whether neighbours are correlated: of fewer, rows
-#: of a right model have a mean.
-SEEN = 10.0
+#: Averages from which on the residuals are tested for correlated neighbours: of fewer, rows of a
+#: right model have a mean.
+TESTED_AVERAGES = 10.0
 #: Length of a window by which its power spectrum is taken, and how many points that reaches.
 LENGTH, REACH = 1024, 3
 #: Every second point is used beside a window: neighbours are nearly one under it (of a Hann window
@@ -98,7 +98,7 @@ class NoiseRecord(Record, Curve):
     source: str = "noise spectrum"
     u_hz: FloatArray = field(init=False)
     pushed: FloatArray = field(init=False)
-    seen_hz: FloatArray = field(init=False)
+    observed_hz: FloatArray = field(init=False)
     y: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -129,7 +129,7 @@ class NoiseRecord(Record, Curve):
         object.__setattr__(self, "u_hz", u)
         object.__setattr__(self, "pushed", self._pushed(first))
         every = 1 if self.window == "none" else EVERY
-        object.__setattr__(self, "seen_hz", u[::every])
+        object.__setattr__(self, "observed_hz", u[::every])
         object.__setattr__(self, "y", y[::every])
         self._check_numbers()
 
@@ -182,11 +182,11 @@ class NoiseRecord(Record, Curve):
     @cached_property
     def count(self) -> float:
         """Number of averages, as declared or seen."""
-        return averages_seen(self.y) if self.averages is None else float(self.averages)
+        return estimated_averages(self.y) if self.averages is None else float(self.averages)
 
     @cached_property
     def sigma(self) -> float:
-        """Standard deviation of a row: of the signed root of its deviance; 0: residuals tell it.
+        """Standard deviation of a row, the signed root of its deviance; 0: by the residuals.
 
         The mean of the deviance is 2 M (ln M - psi(M)), near 1 + 1/(6 M).
         """
@@ -203,7 +203,7 @@ class NoiseRecord(Record, Curve):
     @property
     def top_hz(self) -> float:
         """Where the density is largest, Hz."""
-        return float(self.seen_hz[int(np.argmax(self.y))])
+        return float(self.observed_hz[int(np.argmax(self.y))])
 
     @cached_property
     def mean_row(self) -> float:
@@ -215,8 +215,8 @@ class NoiseRecord(Record, Curve):
 
     @property
     def is_curve(self) -> bool:
-        """Whether its residuals may be asked how neighbours are correlated."""
-        return self.count >= SEEN
+        """Whether its residuals may be tested for correlated neighbours."""
+        return self.count >= TESTED_AVERAGES
 
     def widened(self, shape: FloatArray) -> FloatArray:
         """A density (n,) as periodograms under the window show it, at the points that are used.
@@ -312,12 +312,12 @@ class NoiseRecord(Record, Curve):
             rows: residuals, (rows,).
         """
         spectrum, root = self.spectrum_of(rows), np.sqrt(self.count)
-        columns = mistakes(self.seen_hz, spectrum, root / spectrum)
+        columns = mistakes(self.observed_hz, spectrum, root / spectrum)
         columns[Kind.noise_level] = columns.pop(Kind.gain)
         return ResidualCurve(
             rows=np.arange(at.start, at.stop),
             share=spectrum / (root * np.max(spectrum)),  # of a row near S = P
-            axis=self.seen_hz,
+            axis=self.observed_hz,
             centre=self.mean_row,
             name=self.label,
             columns=columns,
@@ -342,12 +342,12 @@ MEDIAN = 0.6744897501960817
 MOST, KNOTS = 1e7, 2000
 
 
-def averages_seen(density: FloatArray) -> float:
+def estimated_averages(density: FloatArray) -> float:
     """How many periodograms were averaged, 1 or more, from how a density scatters.
 
     The logarithm of an average of M periodograms has the variance psi'(M); of second differences of
     neighbours that are independent it is six times as much, whatever the spectrum does slowly. The
-    median of their sizes does not see the few points at a line.
+    median of their sizes does not depend on the few points at a line.
 
     Args:
         density: at points that scatter independently, (n,), above zero.
@@ -431,8 +431,8 @@ def noise_figure(spectrum: NoiseRecord, before: FloatArray, after: FloatArray) -
         before: as simulated with the start parameters, (n,), in the spectrum's unit.
         after: with the fitted ones.
     """
-    every = slice(None, None, -(-spectrum.seen_hz.size // DRAWN))
-    u, x = spectrum.seen_hz[every], Axis("frequency", "Hz")
+    every = slice(None, None, -(-spectrum.observed_hz.size // DRAWN))
+    u, x = spectrum.observed_hz[every], Axis("frequency", "Hz")
     tails = 0.5 * (1.0 - INSIDE)
     low, high = gammaincinv(spectrum.count, [tails, 1.0 - tails]) / spectrum.count
     y = Axis("density" if spectrum.unit == "1" else f"density ({spectrum.unit}²/Hz)", log=True)
@@ -455,11 +455,14 @@ def noise_figure(spectrum: NoiseRecord, before: FloatArray, after: FloatArray) -
         "Noise spectrum",
         spectrum.label,
         caption=(
-            f"{spectrum.seen_hz.size} points of {averages} with the "
+            f"{spectrum.observed_hz.size} points of {averages} with the "
             f"model before and after the fit; {inside} that holds "
             "95 % of them if the model is right. Below: the signed roots of their deviances."
         ),
-        alt=f"A noise spectrum of {spectrum.seen_hz.size} points with the fitted model; {inside}.",
+        alt=(
+            f"A noise spectrum of {spectrum.observed_hz.size} points with the fitted model; "
+            f"{inside}."
+        ),
         panels=(shown, rest),
     )
 
@@ -538,7 +541,7 @@ class NoiseSpectra(CurvesTogether[NoiseRecord]):
 
     @property
     def is_curve(self) -> bool:
-        """Its residuals tell how neighbours are correlated, where enough was averaged."""
+        """Its residuals show how neighbours are correlated, where enough was averaged."""
         return all(each.is_curve for each in self.spectra)
 
     def predict(

@@ -151,7 +151,7 @@ class NoiseSpectrumTable(RecordTable):
         return super().known(binder, setup) | stated | {"drives_force": drives_force}
 
     def _density(self, table: Recording, column: Channel) -> Density:
-        """The column as a density, by its unit or by what the campaign says that it holds."""
+        """The column as a density, by its unit or by the campaign's declaration of its content."""
         where = f"{self.file}: column '{column.name}'"
         result = None if column.unit is None else density_of(table.numbers(column), column.unit)
         if result is None and self.holds is not None:
@@ -181,10 +181,10 @@ class NoiseSpectrumTable(RecordTable):
         )
 
     def _drives_force(self, binder: Binder, setup: Setup) -> bool:
-        """Whether the drive is a force, or an acceleration of a mass that is told.
+        """Whether the drive is a force, or an acceleration of a mass that is given.
 
         Raises:
-            BadInput: a temperature is told, and the mass of an acceleration is not.
+            BadInput: a temperature is given, and the mass of an acceleration is not.
         """
         drive = setup.drive
         names = [n for n in (*drive.amplitude_names, drive.input) if n in binder.variables]

@@ -20,7 +20,7 @@ from fitting.simulate.budget import Basis, Budget, Decision, Kind, PlanRecord
 from fitting.simulate.words import decision_in_words, sum_in_words
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Scalar
 
-#: Changes by values that are left out tell the error to this factor (300 random scenes, with and
+#: Changes by values that are left out give the error to this factor (300 random scenes, with and
 #: without noise: tests/bench/bench_curve.py).
 SAFETY = 5.0
 
@@ -41,7 +41,7 @@ class CurvePlan:
     Interpolated, where `basis` is RATIONAL, between `supports_hz` (m,) and `others_hz` (m,) to
     within `tolerance` of itself, with one run at half the drive that has `half_hz` among its tones.
     A run has `tones` of them, which changes responses by no more than `superposed`, relative. Else
-    every point is simulated: `found` is the relative error that stood in the way, `tolerance` what
+    every point is simulated: `error` is the relative error that stood in the way, `tolerance` what
     was wanted, `tried` the number of runs that were not enough.
     """
 
@@ -56,7 +56,7 @@ class CurvePlan:
     half_hz: float = 0.0
     tones: int = 1
     superposed: float = 0.0
-    found: float = 0.0
+    error: float = 0.0
     tried: int = 0
 
     @property
@@ -76,7 +76,7 @@ class CurvePlan:
 
     @property
     def bound(self) -> float:
-        """Relative error that the interpolation and the tones beside each other may cost."""
+        """Relative error that the interpolation and the superposed tones may cost."""
         return self.tolerance + self.superposed
 
     @cached_property
@@ -179,9 +179,9 @@ def curve_decision(curves: Sequence[CurvePlan]) -> Decision:
         numbers["tones"] = max(c.tones for c in taken)
         bound = max(c.bound for c in taken)
         return Decision(kind=Kind.CURVE, basis=Basis.RATIONAL, bound=bound, numbers=numbers)
-    worst = max(curves, key=lambda c: c.found)
-    numbers |= {"found": worst.found, "wanted": worst.tolerance, "tried": worst.tried}
-    bound = min(worst.found, 1.0)
+    worst = max(curves, key=lambda c: c.error)
+    numbers |= {"found": worst.error, "wanted": worst.tolerance, "tried": worst.tried}
+    bound = min(worst.error, 1.0)
     return Decision(kind=Kind.CURVE, basis=worst.basis, bound=bound, numbers=numbers, taken=False)
 
 
@@ -244,7 +244,7 @@ class DraftedCurve:
 
     @property
     def may_become_known(self) -> bool:
-        """Whether further runs can tell."""
+        """Whether further runs can make both bounds known."""
         if self.uncertainty > self.tolerance:
             return self.curve.frequency_hz.size + 2 < self.points.size
         return self.nonlinearity > self.tolerance and self.half_hz != self._top_hz
@@ -274,12 +274,12 @@ class Plan:
     """How the FMU is simulated for the measurements of one series, and what that rests on.
 
     `settings` are start values of the FMU that the plan chose; `order` is that of the combinations
-    of tones which the response was seen to hold; `budget` holds the decisions, None where nothing
-    was decided; `remarks` are sentences beside them. A sweep whose maximum sets the scale is
+    of tones which the response was observed to hold; `budget` holds the decisions, None where
+    nothing was decided; `remarks` are sentences with them. A sweep whose maximum sets the scale is
     simulated at `nodes_hz`: `maximum_bias` is what the maximum may be off by, `maximum_bend` (1/Hz)
     the third derivative of 1/A^2 over its second, which bounds that from three points (None: not
-    known). `curves` tell how responses over frequency are simulated, `steps` by which communication
-    steps traces are. `grid`: at which times the FMU is asked for tones.
+    known). `curves` are the runs for responses over frequency, `steps` the communication steps of
+    traces. `grid`: at which times the FMU is asked for tones.
     """
 
     settle_s: float
@@ -306,7 +306,7 @@ class Plan:
         return next(result, None)
 
     def with_curve(self, curve: CurvePlan) -> Plan:
-        """The plan with a further curve; one decision tells of all of them.
+        """The plan with a further curve; one decision covers all of them.
 
         Args:
             curve: how a response over frequency is simulated.
@@ -334,7 +334,7 @@ class Plan:
         return next((plan for plan in self.steps if plan.label == label), None)
 
     def with_steps(self, result: StepPlan) -> Plan:
-        """The plan with the steps of a trace, a further one or anew; one decision tells of all.
+        """The plan with the steps of a trace, a further one or anew; one decision covers all.
 
         Args:
             result: for the trace.

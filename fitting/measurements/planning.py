@@ -1,4 +1,4 @@
-"""How a series of measurements is planned: from what it says of itself, and with the FMU."""
+"""How a series of measurements is planned: from its own settings, and with the FMU."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Series:
     """Measurements that are planned together, and the parameters that they are fitted with.
 
     `alternative` are start values of one discrete alternative; `seed` that of points of the box;
-    `own_step_s` the step that the FMU was made for, None where it tells none, and `fixed_step`
+    `own_step_s` the step that the FMU declares, None where it declares none, and `fixed_step`
     whether its solver takes no other; `any_steps`: whether its communication steps may differ from
     each other; `exchange`: its equations are integrated here.
     """
@@ -71,7 +71,7 @@ class Series:
 
     @property
     def goal(self) -> Budget:
-        """The budget of that accuracy, with why it is wanted where nobody has requested it."""
+        """The budget of that accuracy, with why it is wanted where none was requested."""
         if not (self.setup.usual_accuracy and self.noise):
             return Budget(self.accuracy)
         numbers = {"given": self.accuracy, "noise": self.noise}
@@ -88,14 +88,14 @@ class Series:
 
 
 def plan_series(series: Series) -> Plan:
-    """Settling, windows and points of a series from what it says of itself, unmeasured.
+    """Settling, windows and points of a series from its own settings, unmeasured.
 
     Args:
         series: measurements of one setup.
 
     Raises:
-        BadInput: no way to know how long the FMU takes to settle, or tones that cannot be told
-            apart.
+        BadInput: no way to know how long the FMU takes to settle, or tones that cannot be
+            separated.
     """
     if all(m.is_trace for m in series.measurements):
         return _planned(series, Plan(0.0, budget=series.goal))
@@ -158,7 +158,7 @@ def measured_plan(
         series: measurements of one setup.
         workers: of the FMU.
         variables: those of the FMU, by name.
-        own: what the FMU says of its accuracy where the setup says nothing.
+        own: the FMU's declarations of its accuracy, for where the setup has none.
 
     Raises:
         BadInput: the series cannot be planned.
@@ -282,7 +282,7 @@ def _applicable(series: Series, annotation: AccuracyAnnotation) -> AccuracyAnnot
 def _with_settling(series: Series, result: DrivePlan, draft: Plan) -> tuple[float, Budget]:
     """The time to settle, which is longer than what was measured, and the budget with it.
 
-    What was wanted, and why, is said first, unless it is what the FMU can give. The windows are
+    What was wanted, and why, comes first, unless it is what the FMU can give. The windows are
     those of the campaign's experiments, which are decided on by themselves.
     """
     settle_s = result.settle_s
@@ -291,11 +291,11 @@ def _with_settling(series: Series, result: DrivePlan, draft: Plan) -> tuple[floa
         settle_s = max(stated_s, LESS_DAMPING * settle_s)
     decisions = []
     for decision in result.budget.decisions:
-        seen_s = decision.numbers.get("settle_s")
-        if decision.kind == Kind.SETTLING and seen_s is not None and seen_s != settle_s:
+        watched_s = decision.numbers.get("settle_s")
+        if decision.kind == Kind.SETTLING and watched_s is not None and watched_s != settle_s:
             unsteady = decision.basis == Basis.UNSTEADY
             basis = Basis.UNSTEADY if unsteady else Basis.LESS_DAMPING
-            numbers = {"settle_s": settle_s, "seen_s": seen_s}
+            numbers = {"settle_s": settle_s, "seen_s": watched_s}
             decision = replace(decision, basis=basis, numbers=numbers)
         decisions += [] if decision.kind == Kind.WINDOW else [decision]
     is_goal = result.budget.wanted == series.accuracy

@@ -142,7 +142,7 @@ class Record(Measured):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """None beside the FMU's."""
+        """None: the FMU has all of them."""
         return ()
 
 
@@ -475,7 +475,7 @@ class ReadColumn:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordTable(MeasurementTable):
-    """What all repeated tables of records tell: the file, the output, the label, start values."""
+    """Keys of all repeated tables of records: the file, the output, the label, start values."""
 
     REPEATED: ClassVar[bool] = True
     #: The measurement that their records are together.

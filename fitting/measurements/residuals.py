@@ -27,7 +27,7 @@ class ResidualCurve:
         share: factor from each row to a share of the curve's largest amplitude, (k,).
         centre: mean of the rows of a right model.
         name: of the curve; empty: the only one of its measurement.
-        columns: derivatives of the rows by one number that nobody fits, (k,), by the kind of
+        columns: derivatives of the rows by one number that is not fitted, (k,), by the kind of
             mistake: a gain, an offset, a shift of the axis, a level of noise.
         first_order: kinds of mistakes that move the rows so to first order alone, however large
             they are: what is left where one is put right is no noise then.
@@ -50,8 +50,8 @@ class ResidualCurve:
     def power_shares(self) -> FloatArray:
         """Share of the power up to each frequency, of the model less that of the data, (n,).
 
-        sum_{j<=i} |S_j|^2/sum_j |S_j|^2. Where lines lie beside each other their rows do not tell
-        which way to go; these grow with the distance. No scale and no phase enters.
+        sum_{j<=i} |S_j|^2/sum_j |S_j|^2. Where lines do not overlap, their rows do not determine
+        the direction of a step; these grow with the distance. No scale and no phase enters.
 
         Source: S. Kolouri et al., "Optimal mass transport", IEEE Signal Process. Mag. 34 (2017) 43.
         """

@@ -110,7 +110,7 @@ class ResponseCurve:
             part: of the drive's amplitude.
         """
         tones = self._tones(map(self._window, tones_hz[:, np.newaxis]), part)
-        return self._asked(self._start_values(p, part), tones, batch, owner)
+        return self._request(self._start_values(p, part), tones, batch, owner)
 
     def drives(self, p: FloatArray, tones_hz: Iterable[float]) -> list[Drive]:
         """Drives by single tones, each once, by which a plan is measured.
@@ -138,7 +138,7 @@ class ResponseCurve:
 
     def _window(self, tones_hz: FloatArray) -> Window:
         tones = tuple(map(float, tones_hz))
-        if len(tones) == 1 and not (self.fastest_hz and self.model.held_steps):
+        if len(tones) == 1 and not (self.fastest_hz and self.model.hold_steps):
             return self.model.single_tone_window(tones[0])
         return self.model.superposed_window(tones, self.fastest_hz or max(tones))
 
@@ -151,7 +151,7 @@ class ResponseCurve:
             batch: where runs are asked for; equal runs are simulated once.
         """
         start = self._start_values(p, count=len(windows[0].tones_hz))
-        return [run for run, _ in self._asked(start, self._tones(windows), batch, 0)]
+        return [run for run, _ in self._request(start, self._tones(windows), batch, 0)]
 
     def ask_alone(self, p: FloatArray, window: Window, batch: Batch) -> list[int]:
         """Ask for a run at each tone of a window, without the others: numbers in the batch.
@@ -184,7 +184,7 @@ class ResponseCurve:
             values = self.model.with_part(part, values)
         return self.model.tones_of(values, count)
 
-    def _asked(
+    def _request(
         self, values: dict[str, Scalar], tones: Sequence[Variation], batch: Batch, owner: int
     ) -> list[tuple[int, Window]]:
         runs = batch.ask_varied(values, tones, self.place.output, owner)
@@ -233,14 +233,14 @@ class ResponseCurve:
         batch: Batch,
         planned: CurvePlan,
     ) -> Responding:
-        """By the plan's runs, by more where a check says so, by all where that does not help."""
+        """By the plan's runs, by more where a check requires them, else by all."""
         count, windows = planned.tones, self.windows(planned)
         tones, half_tones = self._tones(windows), self._tones([windows[planned.half_run]], 0.5)
         requested, halves = [], []
         for k in map(int, first):
             whole, half = (self._start_values(table[k], part, count) for part in (1.0, 0.5))
-            requested.append(self._asked(whole, tones, batch, k))
-            halves.append(self._asked(half, half_tones, batch, k))
+            requested.append(self._request(whole, tones, batch, k))
+            halves.append(self._request(half, half_tones, batch, k))
         yield
         values = planned.in_order(np.array([self.read(batch, runs) for runs in requested]))
         half_values = planned.at_half(np.array([self.read(batch, run) for run in halves]))
@@ -414,7 +414,7 @@ class CurveSurvey:
         return plan
 
     def _simulated_s(self, plan: CurvePlan) -> float:
-        """Time that the runs at the full drive simulate, s; infinite: tones not told apart."""
+        """Time that the runs at the full drive simulate, s; infinite: tones are not separated."""
         try:
             windows = self.curve.windows(plan)
         except BadInput:
@@ -422,7 +422,7 @@ class CurveSurvey:
         return sum(window.settle_s + window.length_s for window in windows)
 
     def _change(self, plan: CurvePlan, vectors: Sequence[FloatArray]) -> float:
-        """Largest relative change of a response by the tones beside its own."""
+        """Largest relative change of a response by the other tones of its run."""
         batch, output = Batch(), self.curve.place.output
         windows = self.curve.windows(plan)
         requested = [
@@ -447,14 +447,14 @@ class CurveSurvey:
             points=self.points.size,
             basis=basis,
             tolerance=self.left,
-            found=min(result, 1.0),
+            error=min(result, 1.0),
             tried=tried,
         )
 
     def _change_by_half(self, p: FloatArray) -> float:
         """Relative change of the response at its measured top, but for the half, by half the drive.
 
-        Asked first: an FMU that is not linear is to be run no more than that.
+        Requested first: an FMU that is not linear is to be run no more than that.
         """
         top = np.array([self.top_hz])
         [whole], [half] = (self.curve.simulated(p, top, self.workers, part) for part in (1.0, 0.5))
@@ -507,7 +507,7 @@ class CurveSurvey:
     def _errors(
         self, curve: Interpolation, survey_hz: FloatArray, values: ComplexArray
     ) -> tuple[float, float]:
-        """What it says itself of its relative error, and what runs say at a few frequencies."""
+        """Its relative error by its own estimate, and by runs at a few frequencies."""
         with np.errstate(all="ignore"):
             off = np.max(np.abs(curve.function(survey_hz) / values - 1.0))
         uncertain = SAFETY * np.max(curve.uncertainty(self.points))

@@ -5,7 +5,7 @@ Editors take it from a remark in the campaign's first line, as taplo and Even Be
     #:schema ./campaign.schema.json
 
 ``python -m fitting.measurements.schema > campaign.schema.json`` writes it there. The package ships
-it beside this module (`SCHEMA_FILE`).
+it in the folder of this module (`SCHEMA_FILE`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def campaign_schema(kinds: Sequence[type[MeasurementTable]] = KINDS) -> str:
     """The JSON Schema (draft 7) of a campaign file, with every key's meaning, unit and default.
 
     Args:
-        kinds: of measurements that it may tell of, beside experiments and a sweep.
+        kinds: of measurements that it may contain, besides experiments and a sweep.
     """
     schema = json_schema(WrittenCampaign, title="Campaign of fmu-fit")
     for kind in kinds:

@@ -31,7 +31,7 @@ which the input does not change, the shift after a time t and what it makes of t
 which is added twice where y'' changes its sign again and again: a motion that rushes and rests, or
 whose period depends on its size, is shifted by more than its mean. Where communication steps are no
 multiples of h, input and output are late by a step, max |y_(k+1) - y_k|, besides. A better method
-leaves less, which nothing tells from outside.
+leaves less, which no observation from outside shows.
 """
 
 from __future__ import annotations
@@ -64,12 +64,12 @@ WHOLE = 1e-6
 class StepPlan:
     """Steps ``per_sample`` of one trace, ``label``, and what they may be off by, relative.
 
-    ``change`` was seen when they were halved, ``runs`` is what that took; ``own_s`` is a step of
-    the FMU's own that the samples do not fit (0: none, or they do), ``stands_s`` one between whose
-    ends it was seen to stand still, ``shifted``: which shifts an oscillation in time. ``few``: at
-    which samples the response to a pulse is simulated, where all follow from them to
-    ``tolerance``, which is checked in every evaluation, and to ``few_error`` in the survey; None:
-    at all of them.
+    ``change`` was observed when they were halved, ``runs`` is what that took; ``own_s`` is a step
+    of the FMU's own that the samples do not fit (0: none, or they do), ``internal_step_s`` one
+    between whose ends its output was observed not to change, ``shifted``: which shifts an
+    oscillation in time. ``few``: at which samples the response to a pulse is simulated, where all
+    follow from them to ``tolerance``, which is checked in every evaluation, and to ``few_error``
+    in the survey; None: at all of them.
     """
 
     label: str
@@ -79,7 +79,7 @@ class StepPlan:
     change: float = 0.0
     runs: int = 0
     own_s: float = 0.0
-    stands_s: float = 0.0
+    internal_step_s: float = 0.0
     shifted: bool = False
     few: FewSamples | None = None
     tolerance: float = 0.0
@@ -97,7 +97,7 @@ def first_steps(spacing_s: float, own_s: float | None) -> tuple[int, float]:
 
     Args:
         spacing_s: of the samples, s.
-        own_s: step that the FMU was made for, s; None: it tells none.
+        own_s: step that the FMU declares, s; None: it declares none.
     """
     if own_s is None:
         return 1, 0.0
@@ -182,7 +182,7 @@ def planned_steps(
             break
         steps *= 2
     else:
-        steps //= 2  # the last runs told of those before
+        steps //= 2  # the last runs gave the error of those before
     pair = bool(finer.driven) and one.bound > wanted and two.bound < one.bound
     result = two if pair else one
     return replace(
@@ -213,8 +213,8 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
     if pairs := sum(plan.extrapolated for plan in plans):
         numbers["extrapolated"] = pairs
     # the longest step between whose ends the FMU was seen to stand still
-    if stands_s := max(plan.stands_s for plan in plans):
-        numbers["stands_s"] = stands_s
+    if internal_step_s := max(plan.internal_step_s for plan in plans):
+        numbers["stands_s"] = internal_step_s
         if any(plan.shifted for plan in plans):
             numbers["shifted"] = True
     # of how many samples decays are simulated, the most, and how many follow
@@ -230,7 +230,7 @@ def _change(coarse: FloatArray, fine: FloatArray) -> float:
 
 
 #: Communication steps of a closer look at most, and how many there are between two samples.
-LOOKED, FEWEST, MOST = 8192, 4, 64
+REFINED_STEPS, FEWEST, MOST = 8192, 4, 64
 #: Moves that make a step of its own.
 LEAST_MOVES = 6
 #: Changes of the sign of y'' that make an oscillation: few modes that only decay have fewer.
@@ -247,7 +247,7 @@ class Look:
 
     Args:
         window: of the samples.
-        signal: what is held over the steps, and seen at the samples.
+        signal: what is held over the steps, and observed at the samples.
         fine: how many steps.
     """
 
@@ -263,8 +263,8 @@ class Look:
         return Window(tones_hz=(), settle_s=self.window.settle_s, step_s=step_s, samples=count)
 
     @cached_property
-    def held_signal(self) -> SampledSignal:
-        """The same, seen at the end of every step as it was held over it.
+    def hold_signal(self) -> SampledSignal:
+        """The same, observed at the end of every step as it was held over it.
 
         An output that follows its input at once then moves when the next step is over, not at its
         start, where one that stands between steps of its own does.
@@ -276,7 +276,7 @@ class Look:
     @cached_property
     def pushed(self) -> BoolArray:
         """Whether the input changes between two steps (n - 1,)."""
-        return np.asarray(np.any(np.diff(self.held_signal.at_samples, axis=0) != 0.0, axis=1))
+        return np.asarray(np.any(np.diff(self.hold_signal.at_samples, axis=0) != 0.0, axis=1))
 
     def standing_s(self, values: FloatArray) -> float:
         """The step between whose ends the output stands still, s; 0: it does not.
@@ -295,14 +295,14 @@ class Look:
         return self.closer.step_s * float(np.mean(between))
 
 
-def looked_finely(per_sample: int, samples: int) -> tuple[int, ...]:
+def refinements(per_sample: int, samples: int) -> tuple[int, ...]:
     """Communication steps between two samples of closer looks, even multiples of those of a run.
 
     Args:
         per_sample: steps of a run between two samples.
         samples: of the trace.
     """
-    whole = per_sample * 2 * (max(FEWEST, min(MOST, LOOKED // (per_sample * samples))) // 2)
+    whole = per_sample * 2 * (max(FEWEST, min(MOST, REFINED_STEPS // (per_sample * samples))) // 2)
     finer = per_sample * 2 * math.ceil(MOST / (2 * per_sample))
     return (whole, finer) if whole < finer else (whole,)
 

@@ -73,7 +73,7 @@ LEAST_SHARE = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep(Measurement):
-    """Amplitudes over frequency: what they say of the scale, and, if `fitted`, one row per point.
+    """Amplitudes over frequency: the scale by them, and, if `fitted`, one row per point.
 
     `scale` "maximum" (Algorithm 1), "fit", "robust" (least squares and Huber's estimate over all
     points), "free" (that of "fit" times a fitted factor) or "none"; `sigmas_v` (n,) the standard
@@ -81,7 +81,7 @@ class Sweep(Measurement):
     `maximum_v` the measured maximum (found where zero), `maximum_sigma` its relative error;
     `label` is empty where nothing is fitted for it alone, as an offset is; `unit` is that of the
     amplitudes, `background` that of the line which its figure shows; with "offset" a constant
-    beside the amplitudes of a fitted sweep is solved inside, too, with "slope" it changes with
+    added to the amplitudes of a fitted sweep is solved inside, too, with "slope" it changes with
     frequency:
 
         r_i = (chi A(f_i) + c + c' x_i - L_i)/max L        c, c' by least squares
@@ -158,11 +158,11 @@ class Sweep(Measurement):
 
     @property
     def added(self) -> str:
-        """What is solved inside beside its amplitudes: "offset", "slope", or nothing: "none"."""
+        """Which background is solved inside: "offset", "slope", or "none"."""
         return self.background if self.fitted and self.background in ADDED else "none"
 
     @cached_property
-    def _beside(self) -> FloatArray:
+    def _background_columns(self) -> FloatArray:
         """Columns (n, k), orthogonal, of what is added to the amplitudes: 1, and x."""
         if self.added == "none":
             return np.empty((self.amplitude_v.size, 0))
@@ -174,17 +174,17 @@ class Sweep(Measurement):
 
     @property
     def _shape(self) -> FloatArray:
-        """Measured amplitudes (n,), less what a background beside them would make of them."""
+        """Measured amplitudes (n,), less their projection on the background."""
         return np.asarray(self.amplitude_v - self._projected(self.amplitude_v))
 
     def _projected(self, amplitudes: FloatArray) -> FloatArray:
         """What of amplitudes (n,) is a background, by least squares."""
-        columns = self._beside
+        columns = self._background_columns
         squares = np.sum(columns**2, axis=0)
         return np.asarray(columns @ ((columns.T @ amplitudes) / np.where(squares, squares, 1.0)))
 
     def offset(self, prediction: Prediction, chi: float) -> FloatArray:
-        """The background beside the amplitudes (n,), in ``unit``; zero where none is solved for.
+        """The background at the points (n,), in ``unit``; zero where none is solved for.
 
         Args:
             prediction: of the sweep, without scale.
@@ -198,11 +198,11 @@ class Sweep(Measurement):
     @property
     def solved_inside(self) -> int:
         """The constant, and its slope."""
-        return int(self._beside.shape[1])
+        return int(self._background_columns.shape[1])
 
     def solved_columns(self, prediction: Prediction) -> FloatArray:
         """Derivatives (rows, k) of the rows by the background's numbers over the maximum."""
-        return self._beside if self.fitted else np.empty((0, 0))
+        return self._background_columns if self.fitted else np.empty((0, 0))
 
     @property
     def takes_scale_from_rows(self) -> bool:
@@ -385,7 +385,7 @@ class Sweep(Measurement):
         return Scale(chi_of_maxima(self.maximum_v, maximum.value), bias)
 
     def _least_squares(self, simulated: FloatArray) -> float:
-        """chi by least squares, beside the background if there is one.
+        """chi by least squares, with the background if there is one.
 
         A simulated line elsewhere goes with what the constant leaves in the wrong sense: chi stays
         positive.
@@ -434,7 +434,7 @@ class Sweep(Measurement):
         if not self.fitted:
             return np.empty(0)
         shape = self.amplitude_v / self.maximum_v
-        nearby = np.column_stack([np.ones(shape.size), self._beside])
+        nearby = np.column_stack([np.ones(shape.size), self._background_columns])
         return np.asarray(shape - nearby @ np.linalg.lstsq(nearby, shape, rcond=None)[0])
 
     def unexplained(self, residuals: FloatArray) -> str:

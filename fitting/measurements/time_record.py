@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from fitting.fmu.runs import SampledSignal, Segment
 from fitting.measurements.records import Record
-from fitting.measurements.steps import LOOKED, Look, StepPlan
+from fitting.measurements.steps import REFINED_STEPS, Look, StepPlan
 from fitting.signal.free_decay import FewSamples, rebuilt
 from fitting.signal.time_grid import refuse_clipped, spacing_s
 from fitting.signal.window import Window
@@ -30,7 +30,7 @@ from fitting.text.arrays import (
 )
 from fitting.text.errors import BadInput
 
-FIRST, FOUND = BEGINS = ("first", "found")
+FIRST, DETECTED = BEGINS = ("first", "found")
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ class TimeRecord(Record):
         """The largest value over the unit of its rows."""
         return 1.0
 
-    def look(self, fine: int, most: int = LOOKED) -> Look | None:
+    def look(self, fine: int, most: int = REFINED_STEPS) -> Look | None:
         """A closer look at its run under the input; None: nothing but its start moves it.
 
         Args:
@@ -194,7 +194,7 @@ def ask_decay(
     output: str,
     owner: int = 0,
 ) -> int:
-    """Number of the run after a pulse: at few samples, where the plan says so.
+    """Number of the run after a pulse: at few samples, where the plan has few.
 
     Args:
         trace: whose decay it is.

@@ -10,7 +10,7 @@ Two rows for each line, all real parts (along y) before all imaginary ones (acro
 residuals those of the amplitude, as `Tones` has them, and those of the phase in rad. Lock-in
 amplifiers give such values; output(t) = Re[z exp(i 2 pi u t)], a drive of phase zero.
 
-What nobody knows of the detector is solved inside every evaluation: the phase phi_g of every group
+What is unknown of the detector is solved inside every evaluation: the phase phi_g of every group
 of lines, which ends where the instrument was restarted, and with an unknown gain the modulus chi,
 which else is that of the series (`fitting.measurements.gain`, with h = z/y and y = 1).
 """
@@ -60,7 +60,7 @@ class Tones(Measurement):
 
     `setup` drives the FMU; `experiments` hold tones, settings and amplitudes; `sigmas_v` (rows,)
     are the standard deviations of all amplitudes in their order, NaN where unknown (taken from the
-    experiments where it is empty); `noise_origin` says in a sentence where they come from; `unit`
+    experiments where it is empty); `noise_origin` is a sentence on their origin; `unit`
     is that of the amplitudes.
 
     Raises:
@@ -147,7 +147,7 @@ class Tones(Measurement):
         return [Prediction(row) for row in peaks]
 
     def _line_values(self, batch: Batch, k: int, window: Window, output: str) -> Values:
-        """What a run says of its lines."""
+        """Values of a run at its lines."""
         return batch.amplitudes(k, window, output)
 
     def of_lines(self, rows: FloatArray) -> FloatArray:
@@ -249,7 +249,7 @@ class Tones(Measurement):
 
 @dataclass(frozen=True, kw_only=True)
 class ShownSpectrum:
-    """One experiment beside its model: `lines_hz`, and amplitudes (n,) peak there, in `unit`.
+    """One experiment with its model: `lines_hz`, and amplitudes (n,) peak there, in `unit`.
 
     `measured` with `sigmas` (NaN: not known), and simulated times the scale `before` and `after`
     the fit; `spectrum` is the whole one where it was measured.

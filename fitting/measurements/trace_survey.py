@@ -22,15 +22,15 @@ from fitting.measurements.measurement import Predicting, Prediction
 from fitting.measurements.plan import Plan
 from fitting.measurements.records import Together
 from fitting.measurements.steps import (
-    LOOKED,
     MOST_STEPS,
+    REFINED_STEPS,
     StepPlan,
     StepRuns,
     euler_leaves,
     extrapolated,
     first_steps,
-    looked_finely,
     planned_steps,
+    refinements,
 )
 from fitting.measurements.time_record import TimeRecord, ask_decay, few_samples, read_decay
 from fitting.simulate.batch import Batch, Workers
@@ -57,12 +57,12 @@ COARSER, LEFT = 100.0, 0.1
 ROUNDING = 1e-16
 
 
-class Asked(NamedTuple):
+class RequestedRuns(NamedTuple):
     """Numbers of the runs that answer for a trace; None: it wants none.
 
     Args:
         driven: under its input.
-        decay: after a pulse; of a few samples where the plan says so.
+        decay: after a pulse; of a few samples where the plan has few.
         further: whatever else.
         coarse: as `driven`, of half as many steps: both are extrapolated.
     """
@@ -121,7 +121,7 @@ class Survey(Generic[T]):
         left /= trace.value_share  # steps are compared by the largest value, the budget by rows
         runs = partial(self._simulated, kept)
         steps = planned_steps(first, runs, left, trace.run_samples)
-        steps = self._integrated(kept, self._looked_closely(kept, steps, left))
+        steps = self._integrated(kept, self._refined(kept, steps, left))
         if trace.has_unknown_start and self.model.any_steps and steps.per_sample == 1:
             steps = self._of_few_samples(kept, steps, left)
         return plan.with_steps(replace(steps, bound=trace.value_share * steps.bound))
@@ -139,13 +139,13 @@ class Survey(Generic[T]):
         if before is None or plan.budget is None:
             return plan
         share = self.trace.value_share
-        left = max(0.0, plan.budget.left_beside(Decided.STEP)) / share
+        left = max(0.0, plan.budget.remaining_for(Decided.STEP)) / share
         runs = partial(self._simulated, [p])
         coarsest = before.per_sample // 2 if before.extrapolated else before.per_sample
         started = replace(before, per_sample=coarsest)
         try:
             steps = planned_steps(started, runs, left, self.trace.run_samples)
-            steps = self._looked_closely([p], steps, left)
+            steps = self._refined([p], steps, left)
             steps = replace(steps, bound=share * steps.bound)
         except NoAnswer:
             raise
@@ -153,12 +153,12 @@ class Survey(Generic[T]):
             return plan
         if steps.per_sample > before.per_sample:
             return plan.with_steps(replace(steps, runs=before.runs + steps.runs))
-        if not steps.stands_s and steps.bound <= max(before.bound, share * left):
+        if not steps.internal_step_s and steps.bound <= max(before.bound, share * left):
             return plan
-        longest = max(before.stands_s, steps.stands_s)
+        longest = max(before.internal_step_s, steps.internal_step_s)
         shifted = before.shifted or steps.shifted
         return plan.with_steps(
-            replace(before, bound=steps.bound, stands_s=longest, shifted=shifted)
+            replace(before, bound=steps.bound, internal_step_s=longest, shifted=shifted)
         )
 
     def _integrated(self, points: Sequence[FloatArray], steps: StepPlan) -> StepPlan:
@@ -179,13 +179,11 @@ class Survey(Generic[T]):
         runs = steps.runs + 2 * here.count
         return replace(steps, runs=runs, bound=steps.bound + LEFT * change)
 
-    def _looked_closely(
-        self, points: Sequence[FloatArray], steps: StepPlan, left: float
-    ) -> StepPlan:
+    def _refined(self, points: Sequence[FloatArray], steps: StepPlan, left: float) -> StepPlan:
         """The steps with what the FMU's own leave, which half a communication step did not show.
 
-        The whole record is looked at as finely as `LOOKED` steps allow, then its beginning more
-        finely: steps of its own may be shorter than those of the first look.
+        The whole record is sampled as finely as `REFINED_STEPS` steps allow, then its beginning
+        more finely: steps of its own may be shorter than those of the first look.
 
         Args:
             points: parameter vectors (n,) that the FMU takes.
@@ -193,13 +191,13 @@ class Survey(Generic[T]):
             left: accuracy that is still to be had.
         """
         count = steps.per_sample
-        for fine in looked_finely(count, self.trace.run_samples):
-            steps = self._looked_at(points, steps, left, fine)
-            if steps.stands_s or steps.per_sample != count:
+        for fine in refinements(count, self.trace.run_samples):
+            steps = self._refined_once(points, steps, left, fine)
+            if steps.internal_step_s or steps.per_sample != count:
                 break
         return steps
 
-    def _looked_at(
+    def _refined_once(
         self, points: Sequence[FloatArray], steps: StepPlan, left: float, fine: int
     ) -> StepPlan:
         """The same by one look with so many steps between two samples."""
@@ -210,10 +208,10 @@ class Survey(Generic[T]):
         values = self.kind.start_values(self.model, trace, points[0])
         output = self.output
         requested = [
-            batch.ask(values, look.closer, look.held_signal, output),
+            batch.ask(values, look.closer, look.hold_signal, output),
             batch.ask(values, look.window, look.signal, output),
         ]
-        half = trace.look(fine // 2, LOOKED // 2) if steps.extrapolated else None
+        half = trace.look(fine // 2, REFINED_STEPS // 2) if steps.extrapolated else None
         if half is not None:
             requested.append(batch.ask(values, half.window, half.signal, output))
         try:
@@ -224,10 +222,14 @@ class Survey(Generic[T]):
             batch.forget()
             return steps
         observed = batch.samples(requested[0], output)
-        finest = Asked(driven=requested[1], coarse=requested[2] if half is not None else None)
-        stands_s, runs = look.standing_s(observed), steps.runs + len(requested)
-        if stands_s:
-            return self._standing(values, replace(steps, runs=runs, stands_s=stands_s))
+        finest = RequestedRuns(
+            driven=requested[1], coarse=requested[2] if half is not None else None
+        )
+        internal_step_s, runs = look.standing_s(observed), steps.runs + len(requested)
+        if internal_step_s:
+            return self._standing(
+                values, replace(steps, runs=runs, internal_step_s=internal_step_s)
+            )
         runs_planned = self.kind.ask(self._with(steps), trace, points[0], batch, 0)
         batch.simulate(self.workers)
         coarse = runs_planned.under_input(batch, output)
@@ -252,13 +254,13 @@ class Survey(Generic[T]):
             values: start values of the FMU.
             steps: between which it stands still.
         """
-        fine = max(1, math.ceil((1.0 - UNEVEN) * steps.spacing_s / steps.stands_s))
+        fine = max(1, math.ceil((1.0 - UNEVEN) * steps.spacing_s / steps.internal_step_s))
         look = self.trace.look(fine, MOST_STEPS)
         if look is None:
             return steps
-        run = self.batch.ask(values, look.closer, look.held_signal, self.output)
+        run = self.batch.ask(values, look.closer, look.hold_signal, self.output)
         self.batch.simulate(self.workers)
-        count = steps.step_s / steps.stands_s
+        count = steps.step_s / steps.internal_step_s
         late = abs(count - round(count)) > UNEVEN * count
         left, shifts = euler_leaves(self.batch.samples(run, self.output), look.pushed, late=late)
         return replace(
@@ -466,7 +468,9 @@ class TracesTogether(Together[R]):
         """
         return model.whole.values(p, trace.label or None, trace.settings)
 
-    def ask(self, model: DrivenModel, trace: R, p: FloatArray, batch: Batch, owner: int) -> Asked:
+    def ask(
+        self, model: DrivenModel, trace: R, p: FloatArray, batch: Batch, owner: int
+    ) -> RequestedRuns:
         """Numbers of the runs that answer for a trace.
 
         Args:
@@ -479,7 +483,7 @@ class TracesTogether(Together[R]):
         raise NotImplementedError
 
     def read(
-        self, trace: R, runs: Asked, decay: FloatArray | None, batch: Batch
+        self, trace: R, runs: RequestedRuns, decay: FloatArray | None, batch: Batch
     ) -> tuple[FloatArray | ComplexArray, FloatArray]:
         """Values (n,) of a trace as the model has it, and derivatives (rows, k) of its rows.
 
@@ -523,7 +527,7 @@ class TracesTogether(Together[R]):
         self,
         model: DrivenModel,
         table: FloatArray,
-        requested: Sequence[Sequence[Asked]],
+        requested: Sequence[Sequence[RequestedRuns]],
         batch: Batch,
     ) -> Generator[None, None, list[list[FloatArray | None]]]:
         """Responses to a pulse, for every parameter vector and trace; None where none was asked.

@@ -16,7 +16,7 @@ from fitting.campaign.instruments import Recording, Selection, read_recording
 from fitting.fmu.description import FmuVariable
 from fitting.measurements.demodulated import DemodulatedRecord, DemodulatedTraces
 from fitting.measurements.records import ReadColumn, StatedTable
-from fitting.measurements.time_record import BEGINS, FIRST, FOUND
+from fitting.measurements.time_record import BEGINS, DETECTED, FIRST
 from fitting.measurements.traces import FIT, GAINS, ONE, REST, STARTS, UNKNOWN, TraceRecord, Traces
 from fitting.measurements.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Waveform
 from fitting.signal.time_grid import spacing_s
@@ -179,7 +179,7 @@ class TraceTable(TimeTable):
             raise Refused(
                 "key 'input' is missing: an unknown start takes the response to a pulse at it"
             )
-        if self.begin == FOUND and (self.start != UNKNOWN or self.signal is not None):
+        if self.begin == DETECTED and (self.start != UNKNOWN or self.signal is not None):
             raise Refused('has a meaning for a free decay, with start = "unknown", only', "begin")
         if self.start == UNKNOWN and self.lead is not None:
             raise Refused('has no meaning with start = "unknown"', "lead")

@@ -38,9 +38,9 @@ from fitting.measurements.figure import (
 from fitting.measurements.measurement import Values
 from fitting.measurements.records import OfSetup
 from fitting.measurements.residuals import ResidualCurve, mistakes
-from fitting.measurements.steps import LOOKED, Look
+from fitting.measurements.steps import REFINED_STEPS, Look
 from fitting.measurements.time_record import FIRST, TimeRecord, ask_decay
-from fitting.measurements.trace_survey import Asked, TracesTogether
+from fitting.measurements.trace_survey import RequestedRuns, TracesTogether
 from fitting.measurements.waveform import LINEAR, Recorded, Waveform
 from fitting.signal.window import Window
 from fitting.simulate.batch import Batch
@@ -239,10 +239,10 @@ class TraceRecord(TimeRecord):
             per_sample: steps between two samples.
         """
         if per_sample not in self._signals:
-            self._signals[per_sample] = self._held(per_sample, self.y.size)
+            self._signals[per_sample] = self._hold_signal(per_sample, self.y.size)
         return self._signals[per_sample]
 
-    def _held(self, per_sample: int, count: int) -> SampledSignal:
+    def _hold_signal(self, per_sample: int, count: int) -> SampledSignal:
         """What is held until the last of the first samples."""
         lead = self.lead_steps()
         steps = (lead + count - 1) * per_sample
@@ -255,7 +255,7 @@ class TraceRecord(TimeRecord):
             observed = np.stack([wave.at(times) for wave in waves], axis=1)
         return SampledSignal(names, self.spacing_s / per_sample, kept, observed)
 
-    def look(self, fine: int, most: int = LOOKED) -> Look | None:
+    def look(self, fine: int, most: int = REFINED_STEPS) -> Look | None:
         """A closer look at its run under the input; None: nothing but its start moves it.
 
         Args:
@@ -265,7 +265,7 @@ class TraceRecord(TimeRecord):
         if not self.is_driven:
             return None
         count = min(self.y.size, max(2, most // fine))
-        return Look(self.window(count), self._held(fine, count), fine)
+        return Look(self.window(count), self._hold_signal(fine, count), fine)
 
     @cached_property
     def shifts(self) -> npt.NDArray[np.intp]:
@@ -419,7 +419,7 @@ class Traces(TracesTogether[TraceRecord]):
 
     def ask(
         self, model: DrivenModel, trace: TraceRecord, p: FloatArray, batch: Batch, owner: int
-    ) -> Asked:
+    ) -> RequestedRuns:
         """Numbers of the run under the input, and of that after a pulse.
 
         Args:
@@ -440,10 +440,10 @@ class Traces(TracesTogether[TraceRecord]):
                 coarse = batch.ask(values, trace.window(), half, output, owner)
         if trace.start == UNKNOWN:
             decay = ask_decay(trace, values, plan, batch, output, owner)
-        return Asked(driven=driven, decay=decay, coarse=coarse)
+        return RequestedRuns(driven=driven, decay=decay, coarse=coarse)
 
     def read(
-        self, trace: TraceRecord, runs: Asked, decay: FloatArray | None, batch: Batch
+        self, trace: TraceRecord, runs: RequestedRuns, decay: FloatArray | None, batch: Batch
     ) -> tuple[FloatArray, FloatArray]:
         """Values (n,) of a trace, with the best gain, offset and start; derivatives (n, k)."""
         count = trace.y.size

@@ -21,7 +21,7 @@ import numpy as np
 from fitting.text.arrays import FloatArray, as_numbers
 from fitting.text.errors import BadInput
 
-HELD, LINEAR = INTERPOLATIONS = ("held", "linear")
+HOLD, LINEAR = INTERPOLATIONS = ("held", "linear")
 #: Nodes of the quadrature that takes the mean of a chirp over a step.
 NODES = 6
 
@@ -47,7 +47,7 @@ class Waveform(Protocol):
 
     @property
     def words(self) -> str:
-        """What reports say of it."""
+        """Its description in reports."""
         ...
 
 
@@ -95,7 +95,7 @@ class Recorded:
     def _until(self) -> FloatArray:
         """Integral from the first time to every one, (n,)."""
         u = self.values
-        means = u[:-1] if self.interpolation == HELD else 0.5 * (u[:-1] + u[1:])
+        means = u[:-1] if self.interpolation == HOLD else 0.5 * (u[:-1] + u[1:])
         return np.concatenate([[0.0], np.cumsum(means * np.diff(self.time_s))])
 
     def _integral(self, times_s: FloatArray) -> FloatArray:
@@ -104,7 +104,7 @@ class Recorded:
             return np.asarray(u[0] * (times_s - t[0]))
         k = np.clip(np.searchsorted(t, times_s, side="right") - 1, 0, t.size - 2)
         past = np.clip(times_s, t[0], t[-1]) - t[k]
-        slope = 0.0 if self.interpolation == HELD else (u[k + 1] - u[k]) / (t[k + 1] - t[k])
+        slope = 0.0 if self.interpolation == HOLD else (u[k + 1] - u[k]) / (t[k + 1] - t[k])
         inside = self._until[k] + past * (u[k] + 0.5 * slope * past)
         before, after = np.minimum(times_s - t[0], 0.0), np.maximum(times_s - t[-1], 0.0)
         return np.asarray(inside + u[0] * before + u[-1] * after)
@@ -131,8 +131,8 @@ class Recorded:
 
     @property
     def words(self) -> str:
-        """What reports say of it."""
-        how = "held from value to value" if self.interpolation == HELD else "joined linearly"
+        """Its description in reports."""
+        how = "held from value to value" if self.interpolation == HOLD else "joined linearly"
         return f"input of {self.values.size} recorded values, {how}"
 
 
@@ -177,7 +177,7 @@ class Pulse:
 
     @property
     def words(self) -> str:
-        """What reports say of it."""
+        """Its description in reports."""
         until = "" if math.isinf(self.length_s) else f" over {self.length_s:.6g} s"
         return f"declared input {self.level:.6g} from {self.at_s:.6g} s on{until}"
 
@@ -241,7 +241,7 @@ class Chirp:
 
     @property
     def words(self) -> str:
-        """What reports say of it."""
+        """Its description in reports."""
         return (
             f"declared chirp from {self.start_hz:.6g} Hz to {self.stop_hz:.6g} Hz in "
             f"{self.length_s:.6g} s"

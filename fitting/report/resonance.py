@@ -139,7 +139,7 @@ def _of_ringdown(result: Ringdown) -> dict[str, Any]:
         "alone": ALONE,
         # amplitudes without a constant have the noise of X and Y, which has no error
         "in_noise": result.kind == AMPLITUDES and result.background_std == 0.0,
-        "correlated": CORRELATED in result.structure.found,
+        "correlated": CORRELATED in result.structure.deviations,
     }
 
 

@@ -136,7 +136,7 @@ def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
     return tuple(sorted(_positive_hz(tones_hz, mixed)))
 
 
-def beside_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
+def nearby_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
     """Positive frequencies of lines with sum k_i = 1 and 2 <= sum |k_i| <= ``order``: 2 u1 - u2.
 
     Of tones close to each other these are the combinations close to them.

@@ -249,4 +249,4 @@ def _window(grid: Grid, window: Window, samples_per_period: int) -> Window:
         settle_s = whole_steps(window.settle_s, window.step_s / hold)
     else:
         settle_s = grid.at_step(window.settle_s)
-    return replace(window, settle_s=settle_s, held_steps=hold)
+    return replace(window, settle_s=settle_s, hold_steps=hold)

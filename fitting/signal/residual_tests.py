@@ -67,10 +67,10 @@ class Structure:
     @property
     def is_unequal(self) -> bool:
         """Whether the residuals are larger at some points than at others."""
-        return UNEQUAL in self.found
+        return UNEQUAL in self.deviations
 
     @property
-    def found(self) -> tuple[str, ...]:
+    def deviations(self) -> tuple[str, ...]:
         """What the residuals do that noise of one size does not, in words."""
         return tuple(words for words, _, _ in self._deviations)
 

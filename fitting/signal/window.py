@@ -42,11 +42,11 @@ LARGEST_GRAIN = 1e-3
 class Window:
     """When to sample one run: t_j = settle + j step, j < samples; how many held steps a step has.
 
-    `held_steps` is the number of input steps in one sampling step, 0 for tones that the model
+    `hold_steps` is the number of input steps in one sampling step, 0 for tones that the model
     makes itself. `condition` is that of the tone fit where the window is not coherent, else 1.
     `mixture_bins` are Fourier bins of lines that the response may hold besides the tones, and
     `mixtures` the number of these lines; without whole periods they are fitted with the tones,
-    `beside_hz`. `longest_s` is the longest communication step (0: any), s.
+    `nearby_hz`. `longest_s` is the longest communication step (0: any), s.
 
     Raises:
         ValueError: too few samples for the tones, or times that are not positive.
@@ -57,11 +57,11 @@ class Window:
     step_s: float
     samples: int
     coherent: bool = True
-    held_steps: int = 0
+    hold_steps: int = 0
     condition: float = 1.0
     mixture_bins: tuple[int, ...] = ()
     mixtures: int = 0
-    beside_hz: tuple[float, ...] = ()
+    nearby_hz: tuple[float, ...] = ()
     longest_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -78,7 +78,7 @@ class Window:
     @property
     def input_step_s(self) -> float:
         """Length of a held input step, s."""
-        return self.step_s / self.held_steps if self.held_steps else self.step_s
+        return self.step_s / self.hold_steps if self.hold_steps else self.step_s
 
     def times_s(self) -> FloatArray:
         """Sampling times, shape (samples,), each by one multiplication."""
@@ -87,7 +87,7 @@ class Window:
     @cached_property
     def fit(self) -> ToneFit:
         """The fit of the tones at these times."""
-        return ToneFit(self.tones_hz, self.times_s(), self.beside_hz)
+        return ToneFit(self.tones_hz, self.times_s(), self.nearby_hz)
 
     def read(self, values: FloatArray) -> FittedTones:
         """Mean and tones in samples, shape (samples,) or (samples, outputs).
@@ -181,7 +181,7 @@ def plan_window(
     *,
     samples_per_period: int = 0,
     mixtures_hz: Sequence[float] = (),
-    beside_hz: tuple[float, ...] = (),
+    nearby_hz: tuple[float, ...] = (),
     longest_s: float = math.inf,
 ) -> Window:
     """Window for known tones: coherent where they have a common period, else for a tone fit.
@@ -196,7 +196,7 @@ def plan_window(
         samples_per_period: steps in a period of the fastest tone for which an input is held; 0:
             none is.
         mixtures_hz: combinations of the tones that the window must hold, Hz.
-        beside_hz: lines that are fitted with tones without a common period, Hz.
+        nearby_hz: lines that are fitted with tones without a common period, Hz.
         longest_s: longest window, s.
 
     Raises:
@@ -215,7 +215,7 @@ def plan_window(
             f"distinguished; wanted frequencies with a common period up to {longest_s:g} s"
         )
     if samples is None:
-        return _incoherent(tones, beside_hz, settle_s, least + 4, samples_per_period)
+        return _incoherent(tones, nearby_hz, settle_s, least + 4, samples_per_period)
     period = float(common)
     hold = 0
     if samples_per_period:
@@ -227,7 +227,7 @@ def plan_window(
             settle_s=settle_s,
             step_s=period / samples,
             samples=samples,
-            held_steps=hold,
+            hold_steps=hold,
             mixture_bins=tuple(sorted({k for b in folds for k in (b, -b % samples)})),
             mixtures=len(mixtures_hz),
         )
@@ -264,10 +264,10 @@ def _incoherent(
             step_s=best_step,
             samples=samples,
             coherent=False,
-            held_steps=hold,
+            hold_steps=hold,
             condition=best,
             mixtures=len(near),
-            beside_hz=near,
+            nearby_hz=near,
         )
     )
 
@@ -297,7 +297,7 @@ def _best_of(tones: tuple[float, ...], samples: int, steps: FloatArray) -> tuple
 def _aligned(window: Window) -> Window:
     """Settling in whole held steps, where the drive is held; else times on a binary grain."""
     step_s, settle_s = window.step_s, window.settle_s
-    if window.held_steps:
+    if window.hold_steps:
         return replace(window, settle_s=whole_steps(settle_s, window.input_step_s))
     grain = 2.0 ** (math.frexp(settle_s + window.samples * step_s)[1] - GRAIN_BITS)
     if grain > LARGEST_GRAIN * step_s:  # so late that no grain of a double divides the step

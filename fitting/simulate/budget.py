@@ -140,7 +140,7 @@ class Budget:
         """What the decisions leave of the wanted accuracy, at least 0."""
         return max(0.0, self.wanted - self.promised)
 
-    def left_beside(self, kind: Kind) -> float:
+    def remaining_for(self, kind: Kind) -> float:
         """What the decisions of all other kinds leave of the wanted accuracy, at least 0.
 
         Args:

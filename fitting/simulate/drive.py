@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from fitting.fmu.runs import InputSignal, Run, Segment, row_times
-from fitting.signal.combinations import beside_hz, mixed_hz
+from fitting.signal.combinations import mixed_hz, nearby_hz
 from fitting.signal.grid import ANY_TIME, Grid, longest_common_s, window_on
 from fitting.signal.tones import ToneFit
 from fitting.signal.window import Window, plan_window, whole_steps
@@ -92,7 +92,7 @@ class Drive:
         window: Window,
         settings: Mapping[str, Scalar],
         more: tuple[str, ...] = (),
-        held_s: float | None = None,
+        hold_s: float | None = None,
     ) -> Run:
         """The run of such a window with these further start values.
 
@@ -100,14 +100,14 @@ class Drive:
             window: settling and samples of a run.
             settings: values of FMU variables, by name.
             more: outputs to be read besides its own.
-            held_s: time over which an input is held, s; None: that of the window.
+            hold_s: time over which an input is held, s; None: that of the window.
         """
         signal, moved = None, ""
         segments: tuple[Segment, ...] = ()
         values = {**self.start_values, **settings}
         if self.input is not None:
             rows = tuple((tone, self.amplitude, 0.0) for tone in self.tones_hz)
-            signal = InputSignal(self.input, rows, held_s or window.input_step_s)
+            signal = InputSignal(self.input, rows, hold_s or window.input_step_s)
         if self.approach is not None:
             moved, values[self.approach.name] = self.approach.name, self.approach.first
             segments = (
@@ -147,9 +147,9 @@ class Drive:
         if own_s:
             step_s = max(round(step_s / own_s), 1) * own_s
         per_sample = math.ceil(step_s * max(self.tones_hz) * self.steps_per_period)
-        held_s = own_s or step_s / per_sample
+        hold_s = own_s or step_s / per_sample
         if self.input is not None:
-            settle_s = whole_steps(settle_s, held_s)
+            settle_s = whole_steps(settle_s, hold_s)
         else:
             settle_s = self.grid.at_step(settle_s)
         # the tones are not read of it
@@ -160,7 +160,7 @@ class Drive:
             samples=samples,
             longest_s=self.grid.longest_s,
         )
-        return self.run(times, settings, held_s=held_s)
+        return self.run(times, settings, hold_s=hold_s)
 
     def fit(self, window: Window) -> ToneFit:
         """The fit of the lines in the last samples of a run with that window.
@@ -189,8 +189,8 @@ def _window(
     coherent = whole_s <= longest_s or (len(lines_hz) == 1 and not grid.step_s)
     mixtures_hz = mixed_hz(tones_hz, order) if coherent else ()
     # without whole periods a combination close to a tone leaks into it, at every time otherwise
-    near = () if coherent else beside_hz(tones_hz, max(order, NEAR_ORDER))
-    plan = partial(plan_window, beside_hz=tuple(f for f in near if f not in lines_hz))
+    near = () if coherent else nearby_hz(tones_hz, max(order, NEAR_ORDER))
+    plan = partial(plan_window, nearby_hz=tuple(f for f in near if f not in lines_hz))
     if grid.step_s:
         plan = partial(window_on, grid)
     result = plan(

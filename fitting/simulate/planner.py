@@ -42,7 +42,7 @@ from fitting.text.units import checked_accuracy
 #: A tolerance is tried from so many times its share on, where it is the very run that is planned.
 COARSE = 400.0
 #: Held steps of an input in a period, at most.
-MOST_HELD = 640
+MOST_STEPS_PER_PERIOD = 640
 #: Communication steps and substeps of a run, at most: some twenty seconds of an FMU in Python.
 MOST_WORK = 2e6
 #: A run that costs so many times that is not made at all.
@@ -363,12 +363,12 @@ class _Planner:
             return settled
         free = self.probe
         # where samples are at the right times, amplitudes stand still soon
-        soon_s = LONGER * max(settled.settle_s, FIRST_PERIODS / free.fastest_hz)
+        short_s = LONGER * max(settled.settle_s, FIRST_PERIODS / free.fastest_hz)
         for grid in grids(free, settings):
             self.probe = free.on(grid)
             self._settled.clear()
             try:
-                result = attempt(partial(self._settle, settings, soon_s))
+                result = attempt(partial(self._settle, settings, short_s))
             except BadInput:  # no samples on this grid keep the tones apart
                 continue
             if result and result.steady and result.repeats < BETTER * settled.repeats:
@@ -438,8 +438,8 @@ class _Planner:
         share, bound, finer = self._share(Kind.INPUT), math.inf, self.probe
         here = finer.read(settings, settle_s)
         while bound > share:
-            held = max(d.steps_per_period for d in finer.drives if d.input is not None)
-            if 2 * held > MOST_HELD:
+            per_period = max(d.steps_per_period for d in finer.drives if d.input is not None)
+            if 2 * per_period > MOST_STEPS_PER_PERIOD:
                 break
             drives = (replace(d, steps_per_period=2 * d.steps_per_period) for d in finer.drives)
             finer = finer.with_drives(tuple(drives))

@@ -262,12 +262,12 @@ class Probe:
             settle_s: time before the first sample, s.
             wanted: relative error by combinations that is none.
         """
-        found: dict[int, list[Reading]] = {}
+        readings: dict[int, list[Reading]] = {}
         for order in ORDERS:
             with suppress(BadInput):  # no sampling keeps so many lines off the tones
-                found[order] = self.read(settings, settle_s, order)
-        finest = found[max(found)]
-        least = next(k for k, read in found.items() if self.errors(read, finest) <= wanted)
+                readings[order] = self.read(settings, settle_s, order)
+        finest = readings[max(readings)]
+        least = next(k for k, read in readings.items() if self.errors(read, finest) <= wanted)
         if least == ORDERS[0]:
             return None
         return self.with_drives(tuple(replace(d, highest_order=least) for d in self.drives))

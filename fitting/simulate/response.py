@@ -38,7 +38,7 @@ TRACE_COLUMNS = 400
 COLUMN_SAMPLES = 41
 CARRIER_PERIODS = 6
 CARRIER_SAMPLES = 40  # per period
-BESIDE = 1e-6  # of the largest peak: what is more than that beside the tones needs a reason
+SPURIOUS = 1e-6  # of the largest peak: what is more than that beside the tones needs a reason
 SMALL = 1e-8  # of the largest peak: what is less than that is rounding
 EPS = float(np.finfo(float).eps)
 ROUNDING = 10.0 * EPS  # of the largest value: lines of an FFT that are nothing else
@@ -314,7 +314,7 @@ def _remainder(
         peaks, unexplained, combined = a[tones], a[rest], a[mixed]
         unexplained_hz, combined_hz = f[rest], f[mixed]
     peak = np.maximum(peaks.max(axis=0), np.finfo(float).tiny)
-    limit, most = max(BESIDE, rounding, plan.promised), 0.0
+    limit, most = max(SPURIOUS, rounding, plan.promised), 0.0
     unknown = RemainderKind.UNKNOWN if band is None else RemainderKind.UNEXPLAINED
     for kind, lines, at_hz in (
         (unknown, unexplained, unexplained_hz),
@@ -343,7 +343,7 @@ def _mixed_lines(
     if not spectrum.coherent:
         return ()
     tones = [exact(f) for f in drive.tones_hz]
-    limit = max(BESIDE, spectrum.rounding, promised) * peaks.max(axis=0)
+    limit = max(SPURIOUS, spectrum.rounding, promised) * peaks.max(axis=0)
     first, count = float(spectrum.frequencies_hz[0]), spectrum.frequencies_hz.size
     step = (float(spectrum.frequencies_hz[-1]) - first) / (count - 1)
     taken = set(drive.tones_hz)

@@ -103,7 +103,7 @@ def settle(
     )
     most_s = min(longest_s, max(MOST_PERIODS / probe.fastest_hz, first_s))
     times, observed, changes = [0.0], [probe.read(settings, 0.0)], [1.0]
-    looked_s, moves_later = 0.0, False
+    probed_s, moves_later = 0.0, False
     mixes = mixes and any(len(drive.tones_hz) > 1 for drive in probe.drives)
     for k in itertools.count():
         time_s = first_s * 2.0**k
@@ -132,9 +132,9 @@ def settle(
             if separate is not None:
                 return settle(separate, settings, wanted, work, longest_s, mixes=False)
             mixes = False
-        if not (probe.known.is_foreign and lingers) or time_s < LOOK_AGAIN * looked_s:
+        if not (probe.known.is_foreign and lingers) or time_s < LOOK_AGAIN * probed_s:
             continue
-        looked_s = time_s
+        probed_s = time_s
         repeats = probe.repetition(settings, time_s)
         # also where noise is small enough: it would be so twice in a row by chance alone
         if here <= NOISY * repeats:

@@ -44,7 +44,7 @@ FEWEST, MOST = 4.0, 1e4
 FIRST, COARSE_STEP = 16, 0.1
 #: How well changes must follow a power of the step, for its order to be called seen, and the part
 #: of the change before above which they do not fall.
-SEEN, FALLING = 0.2, 0.75
+CLEAR, FALLING = 0.2, 0.75
 #: Highest order that is looked for.
 HIGHEST = 6
 
@@ -363,7 +363,7 @@ def step_decision(
         change = finer.errors(here, there)
         power = math.log2(last / change) if math.isfinite(last) and change > 0.0 else 0.0
         order = round(power)
-        if not 1 <= order <= HIGHEST or abs(power - order) > SEEN:
+        if not 1 <= order <= HIGHEST or abs(power - order) > CLEAR:
             order = 0
         grid, bound = shorter, SAFETY * change / (2.0**order - 1.0 if order else 1.0)
         if bound <= share or change > FALLING * last:

@@ -178,7 +178,8 @@ def test_magnitudes_of_noisy_quadratures_are_compared_with_their_mean() -> None:
     # a step of the scale changes the rows as they say of themselves
     scaled = sweep.scaled(Prediction(np.concatenate(lines)), 1.0)
     assert scaled == pytest.approx(gain * np.concatenate(lines), rel=2e-3)
-    moved = (sweep.seen_as(1.001 * scaled) - sweep.seen_as(0.999 * scaled)) / 0.002 / sweep.sizes
+    above, below = sweep.detected_mean(1.001 * scaled), sweep.detected_mean(0.999 * scaled)
+    moved = (above - below) / 0.002 / sweep.sizes
     columns = sweep.solved_columns(Prediction(np.concatenate(lines)))
     assert np.sum(columns, axis=1) == pytest.approx(moved, rel=1e-5, abs=1e-6)
 

@@ -155,7 +155,7 @@ def test_windows_have_a_step_a_time_and_a_sample_for_every_unknown(
     if words is None:
         assert window().length_s == pytest.approx(0.5)
         assert window().input_step_s == 0.1
-        assert replace(window(), held_steps=4).input_step_s == pytest.approx(0.025)
+        assert replace(window(), hold_steps=4).input_step_s == pytest.approx(0.025)
         with pytest.raises(ValueError, match=r"6 samples.* 5"):
             window().read(np.zeros(6))
         return

@@ -47,8 +47,8 @@ def test_tones_without_a_common_period_are_told_apart_by_their_samples() -> None
     assert not plain.coherent
     assert plain.condition < 3.0
     assert more.samples > plain.samples
-    assert set(plain.beside_hz) < set(more.beside_hz)
-    near = [f for f in more.beside_hz if abs(f - 2.0 * tones[0] + tones[1]) < 1e-9]
+    assert set(plain.nearby_hz) < set(more.nearby_hz)
+    near = [f for f in more.nearby_hz if abs(f - 2.0 * tones[0] + tones[1]) < 1e-9]
     assert len(near) == 1
     coherent = drive.window(0.1, 1, 1e-9)
     assert not coherent.coherent

@@ -88,17 +88,17 @@ TONES = (1000.0, 1010.0)
 CLEAN = together(line(1000.0, 3.0, 0.4), line(1010.0, 2.0))
 
 
-@pytest.mark.parametrize("beside_hz", [1003.1, 1006.3, 640.17, 1350.2])
+@pytest.mark.parametrize("nearby_hz", [1003.1, 1006.3, 640.17, 1350.2])
 @pytest.mark.parametrize("share", [0.3, 1e-3])
-def test_the_strongest_line_beside_the_tones_is_found(beside_hz: float, share: float) -> None:
+def test_the_strongest_line_beside_the_tones_is_found(nearby_hz: float, share: float) -> None:
     """As a part of the larger peak; a weaker one far away is another. A Hann window loses 15 %."""
     drive = Drive(start_values={}, tones_hz=TONES, outputs=("x", "y"))
     plan = plan_drives((drive,), 1e-4, LineWorkers({"x": CLEAN, "y": CLEAN}), Knowledge())
     size, weaker = 3.0 * share, line(811.3, 1.5 * share)
-    noisy = LineWorkers({"x": CLEAN, "y": together(CLEAN, line(beside_hz, size, 1.1), weaker)})
+    noisy = LineWorkers({"x": CLEAN, "y": together(CLEAN, line(nearby_hz, size, 1.1), weaker)})
     found = strongest_other_line(noisy, plan)
     assert found is not None
-    assert found.at_hz == pytest.approx(beside_hz, abs=0.1 * found.bin_hz)
+    assert found.at_hz == pytest.approx(nearby_hz, abs=0.1 * found.bin_hz)
     assert 0.84 * share < found.share < 1.01 * share
     [look] = noisy.asked
     assert found.bin_hz == pytest.approx(1.0 / (look.samples * look.sample_step_s))
