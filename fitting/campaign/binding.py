@@ -23,7 +23,7 @@ from fitting.campaign.drift import Prior, bind_drift, bind_sigmas, drift_priors,
 from fitting.campaign.file import SAMPLES_PER_PERIOD, CampaignHead, WrittenAccuracy, WrittenDrive
 from fitting.campaign.kind import labels_of
 from fitting.campaign.laws import Laws
-from fitting.campaign.measured import Experiment, Spectrum, SweepData
+from fitting.campaign.measured import Experiment, Spectrum
 from fitting.campaign.noise import bind_noise, scale_parameter, sweep_scale_sigma, sweep_sigmas
 from fitting.campaign.parameters import SCOPES, Parameter, ParameterTable, numbers_of
 from fitting.fmu.accuracy import AccuracyAnnotation, AccuracyNames, Reduction
@@ -46,7 +46,7 @@ if TYPE_CHECKING:  # it takes what is bound here
 
 #: A parameter as a file has it, or as a program gives it.
 WrittenParameter: TypeAlias = "ParameterTable[Written] | ProgramParameter"
-Curve = TypeVar("Curve", Spectrum, SweepData)
+Curve = TypeVar("Curve", bound=Spectrum)
 #: Each combination of alternatives is a fit of its own.
 MOST_ALTERNATIVES = 100
 #: Causalities of variables that hold a tone.

@@ -16,7 +16,8 @@ from fitting.campaign.file import (
     WrittenSweep,
     read_campaign_file,
 )
-from fitting.campaign.instruments import RawTrace, read_trace, unit_of
+from fitting.campaign.instruments import read_trace
+from fitting.campaign.instruments.recording import RawTrace, unit_of
 from fitting.campaign.kind import MeasurementTable, ReadMeasurement
 from fitting.campaign.measured import (
     UNKNOWN,

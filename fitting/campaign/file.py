@@ -15,7 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from fitting.campaign.instruments import LAYOUTS, Columns, Selection
+from fitting.campaign.instruments import LAYOUTS
+from fitting.campaign.instruments.recording import Columns, Selection
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
 from fitting.campaign.parameters import ParameterTable

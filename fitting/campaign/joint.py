@@ -171,7 +171,7 @@ _Data = tuple[str, Hashable, object, Callable[..., bool]]
 
 def _curves(bound: BoundCampaign) -> Iterator[_Data]:
     """Spectra and the sweep, by a digest of their points, amplitudes in units of the largest."""
-    named: list[tuple[str, Spectrum | SweepData]] = [
+    named: list[tuple[str, Spectrum]] = [
         (f"{bound.path}: experiment '{e.label}' ({e.spectrum.source})", e.spectrum)
         for e in bound.experiments
         if e.spectrum is not None
@@ -188,7 +188,7 @@ def _curves(bound: BoundCampaign) -> Iterator[_Data]:
         yield where, key, curve, _is_same_curve
 
 
-def _is_same_curve(one: Spectrum | SweepData, two: Spectrum | SweepData) -> bool:
+def _is_same_curve(one: Spectrum, two: Spectrum) -> bool:
     """Whether curves of one shape are of the same data, and both are fitted.
 
     One measurement read in two units is; a linear sample driven at two levels is not.

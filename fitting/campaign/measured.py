@@ -51,7 +51,15 @@ class Spectrum:
             raise BadInput(
                 f"{self.source}: {self.frequency_hz.size} points; wanted at least {MIN_POINTS}"
             )
-        _check_curve(self.frequency_hz, self.amplitude_v, str(self.source))
+        where = str(self.source)
+        check_finite(self.frequency_hz, self.frequency_hz.size, f"{where}: frequencies")
+        check_finite(self.amplitude_v, self.frequency_hz.size, f"{where}: amplitudes")
+        check_rising(self.frequency_hz, where)
+        for i in np.flatnonzero(self.amplitude_v < 0.0)[:1]:
+            raise BadInput(
+                f"{where}: amplitude {self.amplitude_v[i]:.6g} at {self.frequency_hz[i]:.9g} Hz; "
+                "wanted a magnitude"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,8 +145,8 @@ def checked_experiment(e: Experiment) -> Experiment:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SweepData:
-    """The FRF sweep: ``frequency_hz``, ``amplitude_v`` peak, ``phase_rad`` or None, (n,) each.
+class SweepData(Spectrum):
+    """The FRF sweep: as a spectrum, with ``phase_rad`` (n,) or None.
 
     ``unit`` is the detector's; ``notes`` are header entries of the instrument; ``left_out`` states
     which points of the file are not among them, and why. ``use``, ``scale`` and ``background`` are
@@ -149,11 +157,7 @@ class SweepData:
         BadInput: as `Spectrum`, fewer than 8 points, or every amplitude zero.
     """
 
-    frequency_hz: FloatArray
-    amplitude_v: FloatArray
     phase_rad: FloatArray | None = None
-    source: Path = NO_FILE
-    unit: str = "V"
     notes: Mapping[str, str] = field(default_factory=dict)
     left_out: tuple[Finding, ...] = ()
     settings: Mapping[str, Scalar] = field(default_factory=dict)
@@ -164,10 +168,10 @@ class SweepData:
     label: str = ""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         where = str(self.source)
-        _set_arrays(self, "frequency_hz", "amplitude_v", "phase_rad")
+        _set_arrays(self, "phase_rad")
         check_count(self.frequency_hz.size, where)
-        _check_curve(self.frequency_hz, self.amplitude_v, where)
         if not np.any(self.amplitude_v > 0.0):
             raise BadInput(f"{where}: every amplitude is zero; wanted a resonance")
         if self.phase_rad is not None:
@@ -250,18 +254,6 @@ def check_rising(frequency_hz: FloatArray, where: str) -> None:
     require_size(frequency_hz, f"{where}: frequencies")
     if frequency_hz[0] <= 0.0 or np.any(np.diff(frequency_hz) <= 0.0):
         raise BadInput(f"{where}: wanted frequencies above zero that rise strictly")
-
-
-def _check_curve(frequency_hz: FloatArray, amplitude_v: FloatArray, where: str) -> None:
-    """Refuse frequencies that do not rise from above zero, amplitudes below zero or too few."""
-    check_finite(frequency_hz, frequency_hz.size, f"{where}: frequencies")
-    check_finite(amplitude_v, frequency_hz.size, f"{where}: amplitudes")
-    check_rising(frequency_hz, where)
-    for i in np.flatnonzero(amplitude_v < 0.0)[:1]:
-        raise BadInput(
-            f"{where}: amplitude {amplitude_v[i]:.6g} at {frequency_hz[i]:.9g} Hz; wanted a "
-            "magnitude"
-        )
 
 
 def _shown(values: FloatArray) -> str:

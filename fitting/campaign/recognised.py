@@ -10,14 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import (
-    PLAIN,
-    foreign_kind,
-    head_of,
-    layout_of,
-    read_recording,
-)
-from fitting.campaign.instruments.recording import Channel, Numbers, Recording, Selection
+from fitting.campaign.instruments import PLAIN, foreign_kind, layout_of, read_recording
+from fitting.campaign.instruments.recording import Channel, Numbers, Recording, Selection, head_of
 from fitting.campaign.instruments.roles import (
     AMPLITUDE,
     PHASE,

@@ -28,7 +28,6 @@ from typing import Any
 
 import numpy as np
 
-from fitting.campaign import instruments
 from fitting.campaign.instruments.roles import TIME, usual, usual_frequency
 from fitting.draft.document import (
     Answers,
@@ -54,7 +53,7 @@ from fitting.draft.model import (
     shown_lines,
 )
 from fitting.extension.fmu import FmuVariable, Run
-from fitting.extension.records import Channel, Pulse, TraceRecord, read_recording
+from fitting.extension.records import Channel, Pulse, Recording, TraceRecord, read_recording
 from fitting.lines.names import TIME_PAGE
 from fitting.lines.ringdown import Ringdown, ringdown_of
 from fitting.lines.trace import AMPLITUDES, PHASORS, SAMPLES, DecayRecord, decay_record_of
@@ -111,7 +110,7 @@ class TimeFile:
     of further inputs, by their names.
     """
 
-    table: instruments.Recording
+    table: Recording
     time: Channel
     observed: Channel
     driven: Channel | None = None
@@ -284,7 +283,7 @@ def _time_files(paths: Sequence[Path], columns: Columns, *, simulated: bool) -> 
     return files
 
 
-def _time(table: instruments.Recording, columns: Columns, *, simulated: bool) -> Channel | None:
+def _time(table: Recording, columns: Columns, *, simulated: bool) -> Channel | None:
     """The column of times, in its own unit, a stated one, or that of FMI; None: there is none.
 
     A response over frequency is no recording, unless its column of times is stated.

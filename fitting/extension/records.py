@@ -14,7 +14,8 @@ from fitting.campaign.file import (
     WrittenTraces,
     read_campaign_file,
 )
-from fitting.campaign.instruments import PLAIN, Channel, Recording, head_of, read_recording
+from fitting.campaign.instruments import PLAIN, read_recording
+from fitting.campaign.instruments.recording import Channel, Recording, head_of
 from fitting.measurements.kinds import KINDS, read_campaign
 from fitting.measurements.measurement import Measurement, Prediction
 from fitting.measurements.time_record import TimeRecord

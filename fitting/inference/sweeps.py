@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fitting.campaign import SweepData
-from fitting.campaign.instruments import own_estimates
+from fitting.campaign.instruments.recording import own_estimates
 from fitting.campaign.parameters import to_search
 from fitting.fit.fit import Solution
 from fitting.fit.objective import evaluate_many

@@ -17,16 +17,15 @@ import numpy as np
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.file import LayoutKeys
-from fitting.campaign.instruments import (
-    LAYOUTS,
+from fitting.campaign.instruments import LAYOUTS, read_recording
+from fitting.campaign.instruments.recording import (
     Channel,
     ComplexColumns,
     Recording,
     Selection,
-    read_recording,
+    check_axis,
     unit_of,
 )
-from fitting.campaign.instruments.recording import check_axis
 from fitting.campaign.instruments.roles import (
     PHASE,
     X,

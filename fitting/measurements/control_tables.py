@@ -16,9 +16,9 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import LAYOUTS, Channel, Recording, Selection, read_trace, unit_of
+from fitting.campaign.instruments import LAYOUTS, read_trace
 from fitting.campaign.instruments.plain import LEAST_POINTS, read_spectra_table
-from fitting.campaign.instruments.recording import of_table
+from fitting.campaign.instruments.recording import Channel, Recording, Selection, of_table, unit_of
 from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.description import READABLE

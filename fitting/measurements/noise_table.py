@@ -9,7 +9,8 @@ from typing import Annotated, Any, ClassVar
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import Channel, Recording, Selection, read_recording, unit_of
+from fitting.campaign.instruments import read_recording
+from fitting.campaign.instruments.recording import Channel, Recording, Selection, unit_of
 from fitting.campaign.instruments.roles import HOLDS, Density, density_of, relative_density
 from fitting.measurements.noise import (
     COLOURED,

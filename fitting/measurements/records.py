@@ -18,7 +18,7 @@ import numpy as np
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
 from fitting.campaign.drift import bind_sigmas
-from fitting.campaign.instruments import Channel, Recording, unit_of
+from fitting.campaign.instruments.recording import Channel, Recording, unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.parameters import Parameter
 from fitting.fmu.description import READABLE

@@ -12,7 +12,8 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import Recording, Selection, read_recording
+from fitting.campaign.instruments import read_recording
+from fitting.campaign.instruments.recording import Recording, Selection
 from fitting.fmu.description import FmuVariable
 from fitting.measurements.demodulated import DemodulatedRecord, DemodulatedTraces
 from fitting.measurements.records import ReadColumn, StatedTable

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import Channel, Recording
 from fitting.campaign.instruments.plain import LEAST_POINTS
+from fitting.campaign.instruments.recording import Channel, Recording
 from fitting.text.arrays import FloatArray, IntArray
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments import Channel, Recording
+from fitting.campaign.instruments.recording import Channel, Recording
 from fitting.campaign.recognised import recognised
 from fitting.lines.trace import AMPLITUDES, PHASORS, DecayRecord, decay_record_of
 from fitting.resonance.reading import (

@@ -10,8 +10,8 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from fitting.campaign.instruments import head_of
 from fitting.campaign.instruments.loose_tables import COMMENTS
+from fitting.campaign.instruments.recording import head_of
 from fitting.text.errors import BadInput
 from fitting.text.notation import listed
 from fitting.text.units import same_kind

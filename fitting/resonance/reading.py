@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting.campaign.instruments import Channel, Recording, Selection, own_estimates
+from fitting.campaign.instruments.recording import Channel, Recording, Selection, own_estimates
 from fitting.campaign.instruments.roles import without_zero
 from fitting.campaign.recognised import recognised
 from fitting.lines.names import TIME_WAY

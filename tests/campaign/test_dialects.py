@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fitting.campaign.instruments import Recording, Selection, read_trace
+from fitting.campaign.instruments import read_trace
+from fitting.campaign.instruments.recording import Recording, Selection
 from fitting.campaign.recognised import recognised
 from fitting.measurements.complex_tables import read_complex
 from fitting.text.errors import BadInput

@@ -23,13 +23,8 @@ import pyuff
 from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
-from fitting.campaign.instruments import (
-    LAYOUTS,
-    Selection,
-    layout_of,
-    read_recording,
-    read_trace,
-)
+from fitting.campaign.instruments import LAYOUTS, layout_of, read_recording, read_trace
+from fitting.campaign.instruments.recording import Selection
 from fitting.campaign.recognised import recognised
 from fitting.measurements.complex_tables import ComplexSweepTable, read_complex
 from fitting.resonance.reading import Columns as LineColumns

@@ -11,7 +11,8 @@ import numpy.typing as npt
 import pytest
 
 import fitting as ff
-from fitting.campaign.instruments import Selection, read_recording
+from fitting.campaign.instruments import read_recording
+from fitting.campaign.instruments.recording import Selection
 from fitting.campaign.recognised import recognised
 from fitting.measurements.complex_tables import read_complex
 from fitting.resonance.reading import Columns, read_trace_of

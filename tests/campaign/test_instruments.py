@@ -12,15 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fitting.campaign.file import WrittenSweep
-from fitting.campaign.instruments import (
-    LAYOUTS,
-    Layout,
-    Recording,
-    Selection,
-    layout_of,
-    read_trace,
-)
-from fitting.campaign.instruments.recording import channel_of
+from fitting.campaign.instruments import LAYOUTS, layout_of, read_trace
+from fitting.campaign.instruments.recording import Layout, Recording, Selection, channel_of
 from fitting.signal.amplitudes import Amplitude, declared_amplitude, to_peak
 from fitting.text.errors import BadInput
 from fitting.text.schema import read_record

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 import skrf
 
-from fitting.campaign.instruments import Selection, read_recording, read_trace
+from fitting.campaign.instruments import read_recording, read_trace
+from fitting.campaign.instruments.recording import Selection
 from fitting.campaign.recognised import recognised
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput

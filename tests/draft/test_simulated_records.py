@@ -11,7 +11,8 @@ import pytest
 from scipy.io import savemat
 
 import fitting as ff
-from fitting.campaign.instruments import Selection, layout_of, read_recording
+from fitting.campaign.instruments import layout_of, read_recording
+from fitting.campaign.instruments.recording import Selection
 from fitting.draft.api import init
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure as Canvas
 import fitting as ff
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
-from fitting.campaign.instruments import unit_of
+from fitting.campaign.instruments.recording import unit_of
 from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.description import READABLE
 from fitting.measurements.driven_model import DrivenModel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.campaign.instruments import Recording, Selection
+from fitting.campaign.instruments.recording import Recording, Selection
 
 
 def is_sweep(recording: Recording) -> bool:

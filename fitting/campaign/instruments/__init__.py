@@ -26,9 +26,6 @@ from pathlib import Path
 
 from fitting.campaign.instruments import libraries, plain, vendors
 from fitting.campaign.instruments.recording import (
-    Channel,
-    Columns,
-    ComplexColumns,
     Head,
     Layout,
     RawTrace,
@@ -36,31 +33,9 @@ from fitting.campaign.instruments.recording import (
     Selection,
     check_axis,
     head_of,
-    own_estimates,
-    unit_of,
 )
 from fitting.campaign.instruments.roles import trace_of
 from fitting.text.errors import BadInput, did_you_mean
-
-__all__ = [
-    "LAYOUTS",
-    "PLAIN",
-    "Channel",
-    "Columns",
-    "ComplexColumns",
-    "Head",
-    "Layout",
-    "RawTrace",
-    "Recording",
-    "Selection",
-    "foreign_kind",
-    "head_of",
-    "layout_of",
-    "own_estimates",
-    "read_recording",
-    "read_trace",
-    "unit_of",
-]
 
 PLAIN = plain.LAYOUT.name
 #: Layouts by name, first the plain one, for which every file is taken that no other recognises.
