@@ -6,7 +6,7 @@ import argparse
 import re
 from pathlib import Path
 
-from fitting.cli.words.parser import COMMANDS, parser_of
+from fitting.cli.words.parser import COMMANDS, commands_of, parser_of
 
 NAME = "completion"
 EXAMPLE = "fmu-fit completion bash > ~/.local/share/bash-completion/completions/fmu-fit"
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from fitting.api.examples import example_titles
 
     parser = parser_of(tuple(COMMANDS))
-    for name, command in _commands(parser).items():
+    for name, command in commands_of(parser).items():
         command.description = COMMANDS[name]  # shells list it beside the name, which it begins with
         for action in command._actions:
             if action.choices is None and (action.type is Path or action.dest in FILES):
@@ -50,9 +50,3 @@ def _with_several(text: str) -> str:
     Source: zshcompsys(1), specs of _arguments.
     """
     return re.sub(r'^(  ")\(\*\)::?', r"\1*:", text, flags=re.MULTILINE)
-
-
-def _commands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """The parsers of all commands, by name."""
-    [made] = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
-    return dict(made.choices)

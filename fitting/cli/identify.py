@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         own = own_profiled(record)
         whole = expected(record, options, profiles=True, refits=bootstrap, own=own)
         remaining = Remaining(whole, drawn=not args.no_report)
-        with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as tell:
+        with status_line(NAME, lambda: counted(remaining, fmu.workers.counts.runs)) as show:
             result = ff.identify(
                 problem,
                 fitted,
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
                 budget=args.budget,
                 bootstrap=bootstrap,
                 settings=settings,
-                progress=lambda spent: tell(remaining.walking(spent)),
+                progress=lambda spent: show(remaining.profiling(spent)),
             )
     result = replace(
         result,

@@ -176,7 +176,7 @@ def test_an_end_during_the_profiles_keeps_the_fit(
         finally:
             os.kill(os.getpid(), signal.SIGHUP)
 
-    monkeypatch.setattr(Remaining, "walking", asks_twice)
+    monkeypatch.setattr(Remaining, "profiling", asks_twice)
     words = ("--out", str(result.parent), "--no-report", "--workers", "1")
     with harmless(signal.SIGHUP), temporary_files_in(tmp_path / "tmp"):
         ended = told("reconstruct", small, *words)

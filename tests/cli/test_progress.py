@@ -81,7 +81,7 @@ def told(clock: Clock) -> Remaining:
 def after(told: Remaining, clock: Clock, now_s: float, spent: Spent) -> str:
     """What is left at a moment: the evaluations told before have been made by then."""
     clock.now_s = now_s
-    told.walking(spent)
+    told.profiling(spent)
     return told.left()
 
 
@@ -127,7 +127,7 @@ def test_what_is_left_counts_profiles_and_figures_in(told: Remaining, clock: Clo
 
 def test_a_stage_that_ended_early_is_not_waited_for(told: Remaining, clock: Clock) -> None:
     """Walks take 100 to 700 evaluations, what has no effect 50 to 200."""
-    said = told.walking(Spent(Stage.SCANS, 100, 0))
+    said = told.profiling(Spent(Stage.SCANS, 100, 0))
     assert Stage.SCANS in said
     assert counts(said) == ["2", "100"]  # of two values, evaluations
     # 100 in ten seconds: up to 500 and 50 to 200 are left
@@ -137,7 +137,7 @@ def test_a_stage_that_ended_early_is_not_waited_for(told: Remaining, clock: Cloc
 
 
 def test_the_time_left_runs_down_while_nothing_is_told(told: Remaining, clock: Clock) -> None:
-    told.walking(Spent(Stage.DIRECTIONS, 100, 0))
+    told.profiling(Spent(Stage.DIRECTIONS, 100, 0))
     assert span_s(after(told, clock, 10.0, Spent(Stage.DIRECTIONS, 101, 0))) == (0.0, 10.0)
     clock.now_s = 14.0
     assert span_s(told.left()) == (0.0, 6.0)
@@ -147,7 +147,7 @@ def test_the_time_left_runs_down_while_nothing_is_told(told: Remaining, clock: C
 
 def test_profiles_that_begin_anew_keep_their_pace(told: Remaining, clock: Clock) -> None:
     """At 0.05 s an evaluation 150 to 925 are left, not the 0.4 s of all that was before."""
-    told.walking(Spent(Stage.SCANS, 600, 0))
+    told.profiling(Spent(Stage.SCANS, 600, 0))
     after(told, clock, 30.0, Spent(Stage.DIRECTIONS, 0, 600))
     said = after(told, clock, 40.0, Spent(Stage.MINIMA, 100, 0))
     assert 40.0 < most_s(said) < 70.0
@@ -156,12 +156,12 @@ def test_profiles_that_begin_anew_keep_their_pace(told: Remaining, clock: Clock)
 
 
 def test_a_stage_that_takes_longer_is_given_a_quarter_more(told: Remaining, clock: Clock) -> None:
-    told.walking(Spent(Stage.DIRECTIONS, 400, 0))
+    told.profiling(Spent(Stage.DIRECTIONS, 400, 0))
     assert span_s(after(told, clock, 40.0, Spent(Stage.DIRECTIONS, 401, 0))) == (0.0, 10.0)
 
 
 def test_no_time_is_told_of_a_pace_that_was_hardly_seen(told: Remaining, clock: Clock) -> None:
-    told.walking(Spent(Stage.SCANS, 400, 0))
+    told.profiling(Spent(Stage.SCANS, 400, 0))
     assert after(told, clock, 1.0, Spent(Stage.SCANS, 500, 0)) == ""  # fast ones, for a second
     assert after(told, clock, 10.0, Spent(Stage.SCANS, 600, 0)).endswith(" left")
     hardly = Remaining(EXPECTED)
@@ -202,11 +202,11 @@ def test_over_a_whole_job_the_end_is_never_put_off(clock: Clock) -> None:
     before = 0
     for stage, count in ((Stage.MINIMA, 70), (Stage.SCANS, 200), (Stage.DIRECTIONS, 60)):
         for k in range(0, count, 10):
-            told.walking(Spent(stage, k + 10, before))
+            told.profiling(Spent(stage, k + 10, before))
             look()
             clock.now_s += 2.0
         before += count
-    told.walking(Spent(Stage.DIRECTIONS, 0, before))
+    told.profiling(Spent(Stage.DIRECTIONS, 0, before))
     look()
     last = [end for end, (true_s, _) in zip(ends, left, strict=True) if true_s <= 20.0]
     assert len(last) > 5

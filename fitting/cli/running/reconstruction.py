@@ -84,7 +84,7 @@ def reconstruct(args: argparse.Namespace, out: Path) -> int:
                     outcome = Outcome(fitted, fitted.result, fitted.status != "interrupted")
                 if profiles and outcome.is_complete:
                     outcome = _profiled(
-                        args, out, fitted, lambda spent: show(remaining.walking(spent))
+                        args, out, fitted, lambda spent: show(remaining.profiling(spent))
                     )
         except NoScale as refused:
             named = ", ".join(str(path) for path in args.campaign)

@@ -45,7 +45,7 @@ class Remaining:
             state: as `fitting.fit` hands it out.
         """
         e = self._expected
-        self._see(state.evaluations, state.elapsed_s)
+        self._measure(state.evaluations, state.elapsed_s)
         share = 1.0 - state.done / max(state.of, 1)
         if state.stage == "search":
             words = [f"search, alternative {state.done + 1}/{state.of}"]
@@ -58,7 +58,7 @@ class Remaining:
         self._expect(added(left, e.profiles, e.bootstrap))
         return ", ".join(words)
 
-    def walking(self, spent: Spent) -> str:
+    def profiling(self, spent: Spent) -> str:
         """Where the profiles are, in words.
 
         Args:
@@ -67,7 +67,7 @@ class Remaining:
         # by now what was requested before has been made; its total begins anew where it falls
         if math.isnan(self._began_s):
             self._began_s = self._clock()
-        self._see(self._requested, self._clock() - self._began_s)
+        self._measure(self._requested, self._clock() - self._began_s)
         self._requested += max(spent.total - self._total, 0)
         self._total = spent.total
         self._expect(self._expected.left(spent.stage, spent.evaluations))
@@ -89,7 +89,7 @@ class Remaining:
             return f"about {high} {unit} left"
         return f"up to {high} {unit} left" if low == "0" else f"{low} to {high} {unit} left"
 
-    def _see(self, evaluations: int, seconds: float) -> None:
+    def _measure(self, evaluations: int, seconds: float) -> None:
         """So many evaluations have taken so long."""
         if evaluations >= ENOUGH and seconds >= LEAST_S:
             self._seconds_each = seconds / evaluations

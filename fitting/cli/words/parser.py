@@ -111,7 +111,7 @@ def parsed(given: Sequence[str]) -> argparse.Namespace:
         raise BadInput(f"no command {named!r}{hint} (see {PROGRAM} --help)")
     parser = parser_of(() if named is None else (named,))
     if named is not None:
-        _refuse_unknown(given, named)
+        _refuse_unknown(given, named, commands_of(parser)[named])
     return parser.parse_args(given)
 
 
@@ -190,14 +190,22 @@ def add_options(parser: argparse.ArgumentParser, command: ModuleType) -> None:
         declare(output, {"--json": f"{document} as JSON, alone on stdout"})
 
 
-def _refuse_unknown(given: Sequence[str], named: str) -> None:
+def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """The parsers of all commands, by name.
+
+    Args:
+        parser: of the program.
+    """
+    [made] = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
+    return dict(made.choices)
+
+
+def _refuse_unknown(given: Sequence[str], named: str, parser: argparse.ArgumentParser) -> None:
     """Complain of options that the command has not, before those that are missing.
 
     Raises:
         BadInput: a line for each of them, with the option that is nearest.
     """
-    parser = Parser(prog=f"{PROGRAM} {named}")
-    add_options(parser, command_of(named))
     known = [option for action in parser._actions for option in action.option_strings]
     words = list(given[given.index(named) + 1 :])
     words = words[: words.index("--")] if "--" in words else words
