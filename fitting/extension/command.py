@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from fitting.cli.running.campaigns import command_again, command_line, fit_at, fmu_for
+from fitting.cli.running.campaigns import (
+    command_again,
+    command_line,
+    complaints_of_options,
+    fit_at,
+    fmu_for,
+    fmu_of,
+)
 from fitting.cli.running.output import hand_over, writes
 from fitting.cli.running.progress import reading, status_line
-from fitting.cli.words.drive import complaints_of_options, fmu_of
 from fitting.cli.words.options import (
     ISOLATE,
     Options,

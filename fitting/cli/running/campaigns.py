@@ -1,22 +1,66 @@
-"""What commands on campaigns share: FMU, the fit they start from, the command as it is recorded."""
+"""What commands share: FMU, the fit they start from, errors about options, the command itself."""
 
 from __future__ import annotations
 
 import argparse
+import re
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+import fitting as ff
 from fitting.cli.words.options import default_workers
 
 if TYPE_CHECKING:
-    from fitting.api.fmu import Fmu
     from fitting.api.problem import Campaign
     from fitting.result.result import Result
 
 #: Options about what is printed, which change no result.
 PRINTING = ("quiet", "verbose", "log", "json")
+#: Options by the arguments of the library that they give.
+OPTIONS = {
+    "start_values": "--set",
+    "tones": "--tones",
+    "drive": "--input",
+    "outputs": "--outputs",
+    "tone": "--tone",
+    "output": "--output",
+    "accuracy": "--accuracy",
+    "settle_s": "--settle",
+    "window_s": "--window",
+    "samples": "--samples",
+    "scheduler": "--scheduler",
+}
+#: An error of the library about one of its arguments, and perhaps about one name in it.
+ARGUMENT = re.compile(rf"^({'|'.join(OPTIONS)})(?: '([^']*)')?: ")
+
+
+@contextmanager
+def complaints_of_options() -> Iterator[None]:
+    """Errors about arguments of the library name the options that gave them."""
+    try:
+        yield
+    except ff.BadInput as error:
+        raise ff.BadInput(*(ARGUMENT.sub(_by_option, str(each)) for each in error.args)) from error
+
+
+def _by_option(match: re.Match[str]) -> str:
+    return f"{OPTIONS[match[1]]} {match[2] or ''}".rstrip() + ": "
+
+
+def fmu_of(args: argparse.Namespace) -> ff.Fmu:
+    """The FMU that a command is given, with one worker.
+
+    Args:
+        args: of the command, with ``fmu``, ``interface``, ``timeout``, ``isolate``, ``native``.
+
+    Raises:
+        BadInput: no such file or model, or no FMU that this machine can run.
+    """
+    how = {"isolate": args.isolate, "interface": args.interface, "native": args.native}
+    return ff.Fmu(args.fmu, 1, args.timeout, "--timeout", **how)
 
 
 def fmu_for(
@@ -26,7 +70,7 @@ def fmu_for(
     *,
     isolate: bool | Literal["strict"] = False,
     native: bool = False,
-) -> Fmu:
+) -> ff.Fmu:
     """The FMU that campaigns name; a model of this project is built into a folder of the results.
 
     Args:
