@@ -21,7 +21,7 @@ from fitting.design.tones import base_settings, levels_and_more
 from fitting.extension.records import BoundCampaign, Recorded, TimeRecord, TraceRecord
 from fitting.extension.report import phrase, phrases
 from fitting.fmu.description import FmuVariable
-from fitting.measurements.time_record import FOUND
+from fitting.measurements.time_record import DETECTED
 from fitting.text.arrays import Scalar
 from fitting.text.files import path_from
 from fitting.text.notation import prefixed
@@ -298,7 +298,7 @@ def _recording_files(
             heads = ["time (s)", f"{p.output} ({record.unit})"]
             heads += [f"{name} ({variables[name].unit or '1'})" for name in inputs]
         lines = [_remark("instruction", p, design)]
-        lines += [_remark("from_decay")] if record.begin == FOUND else []
+        lines += [_remark("from_decay")] if record.begin == DETECTED else []
         lines += [_remark("replaced"), f"# Proposed by: {command}", csv_line(heads), ""]
         files[f"next{p.rank}.csv"] = "\n".join(lines)
     return files

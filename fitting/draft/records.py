@@ -57,9 +57,9 @@ from fitting.extension.records import Channel, Pulse, Recording, TraceRecord, re
 from fitting.lines.names import TIME_PAGE
 from fitting.lines.ringdown import Ringdown, ringdown_of
 from fitting.lines.trace import AMPLITUDES, PHASORS, SAMPLES, DecayRecord, decay_record_of
-from fitting.measurements.time_record import FOUND
+from fitting.measurements.time_record import DETECTED
 from fitting.measurements.traces import FIT, STATES_OF_ONE, UNKNOWN
-from fitting.measurements.waveform import HELD, LINEAR
+from fitting.measurements.waveform import HOLD, LINEAR
 from fitting.resonance.decay_reading import decay_roles_of, is_over_time, read_decay_of
 from fitting.resonance.reading import Columns, Roles, with_unit
 from fitting.text.arrays import FloatArray, Scalar
@@ -94,7 +94,7 @@ FACTORS, ROUNDS, MOST_MOVED = tuple(10.0 ** (0.5 * k) for k in range(-6, 7) if k
 CLOSER, NO_EFFECT = 0.9, 1e-6
 #: Remarks on how an input moves between samples.
 MOVES = {
-    HELD: 'a guess: it stands still and jumps; or "linear" between samples',
+    HOLD: 'a guess: it stands still and jumps; or "linear" between samples',
     LINEAR: 'a guess: it moves from sample to sample; or "held" from each to the next',
 }
 
@@ -445,7 +445,7 @@ def _decay_table(
     made: dict[str, Any] = {"file": path}
     made["input"] = noted(offer.inputs[0], "a pulse at it spans the states that ring down")
     if ringdown.left_out > LATEST * (ringdown.left_out + len(ringdown.points.place)):
-        made["begin"] = noted(FOUND, "earlier samples, of a drive or a blow, are not used")
+        made["begin"] = noted(DETECTED, "earlier samples, of a drive or a blow, are not used")
     if isinstance(source, TimeFile):
         made["start"] = noted(UNKNOWN, "solved for: the start of a ringdown is not known")
         if lines > 1:
@@ -637,7 +637,7 @@ def _assigned(
         file,
         observed=observed,
         driven=_in_unit_of(source, offer.unit(driven)),
-        interpolation=HELD if changes <= CHANGES else LINEAR,
+        interpolation=HOLD if changes <= CHANGES else LINEAR,
         further=tuple(_in_unit_of(c, offer.unit(c.name)) for c in further),
     )
 
