@@ -14,6 +14,7 @@ from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation, Measurement
 from fitting.signal.window import tone_misfit
-from fitting.simulate.batch import Batch, Workers, answered, both, together
+from fitting.simulate.batch import Batch, Workers, answered, together
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
 
@@ -222,8 +223,9 @@ class FmuResponse:
         batch = Batch()
         tasks = [m.predict(models[m.series], table, batch, whole=whole) for m in self.measurements]
         with self._known.evaluation() as workers:
-            task = both(together(tasks), self._read_along(table[read], batch))
-            columns, outputs = answered(task, batch, workers)
+            outputs_read = self._read_along(table[read], batch)
+            both: list[Generator[None, None, Any]] = [together(tasks), outputs_read]
+            columns, outputs = answered(together(both), batch, workers)
         self._read_already.update(zip((table[k].tobytes() for k in read), outputs, strict=False))
         runs = batch.count(len(table))
         return [

@@ -27,7 +27,7 @@ from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
 #: Part of the wanted accuracy that a transient planned from a line width may leave.
 TRANSIENT = 0.1
-#: Seeded points of the box that are tried beside start and reference, where nothing has to settle.
+#: Seeded points of the box that are tried besides start and reference, where nothing has to settle.
 SEEDED = 3
 #: A fit may try less damping than there is at start and reference: time to settle, times this.
 LESS_DAMPING = 2.0

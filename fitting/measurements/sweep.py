@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,7 @@ from fitting.signal.scale import (
     nodes_around,
     refine_maximum,
 )
-from fitting.simulate.batch import Batch, Workers, both
+from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.budget import SHARES, Basis, Decision, Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.settling import SAFETY
@@ -316,9 +317,9 @@ class Sweep(Measurement):
         """Amplitudes at the points that are needed, and the maximum; see `Measurement.predict`."""
         needed = whole or self._needs_points
         points = self.frequency_hz if needed else np.empty(0)
-        phasors, maxima = yield from both(
-            self._curve(model).predict(table, points, batch), self._maxima(model, table, batch)
-        )
+        curve, maxima_at = self._curve(model), self._maxima(model, table, batch)
+        tasks: list[Generator[None, None, Any]] = [curve.predict(table, points, batch), maxima_at]
+        phasors, maxima = yield from together(tasks)
         return [Prediction(np.abs(row), top) for row, top in zip(phasors, maxima, strict=True)]
 
     def _curve(self, model: DrivenModel) -> ResponseCurve:

@@ -15,6 +15,8 @@ TERM = re.compile(r"([+-]?)\s*(?:(\d+)\s*\*?\s*)?([^\W\d]\w*)\s*")
 
 #: Highest order of lines of a nonlinear response that sampling keeps off those that are read.
 USUAL_ORDER = 9
+#: Highest order of harmonics and mixtures that are fitted with tones without whole periods.
+HARMONICS = 5
 MOST_DIGITS = 3
 #: Lines besides those that are read: more cannot be kept off them in any time.
 MOST_MIXED = 10**6
@@ -136,17 +138,23 @@ def mixed_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
     return tuple(sorted(_positive_hz(tones_hz, mixed)))
 
 
-def nearby_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
-    """Positive frequencies of lines with sum k_i = 1 and 2 <= sum |k_i| <= ``order``: 2 u1 - u2.
+def expected_hz(tones_hz: Sequence[float], order: int) -> tuple[float, ...]:
+    """Positive frequencies of the lines that a nonlinear response has apart from its tones.
 
-    Of tones close to each other these are the combinations close to them.
+    Of tones close to each other those next to them, sum k_i = 1 as 2 u1 - u2, fall off slowly with
+    their order; harmonics and all other mixtures are taken up to order 5 at most.
 
     Args:
         tones_hz: frequencies of the tones, Hz.
-        order: highest sum of the absolute factors.
+        order: highest sum of the absolute factors of lines next to the tones.
     """
-    near = (k for k in mixed_lines(len(tones_hz), order) if abs(sum(k)) == 1 < sum(map(abs, k)))
-    return tuple(sorted(_positive_hz(tones_hz, near) - set(tones_hz)))
+    others = min(order // 2 + 1, HARMONICS)
+    lines = (
+        k
+        for k in mixed_lines(len(tones_hz), order)
+        if sum(map(abs, k)) <= others or abs(sum(k)) == 1
+    )
+    return tuple(sorted(_positive_hz(tones_hz, lines) - set(tones_hz)))
 
 
 def _positive_hz(tones_hz: Sequence[float], factors: Iterable[tuple[int, ...]]) -> set[float]:

@@ -48,18 +48,18 @@ class ToneFit:
     """Least squares of a mean and known tones on samples taken at known times.
 
     y(t) = c + sum_k a_k cos 2 pi f_k t + b_k sin 2 pi f_k t, phasor a_k - i b_k. `tones_hz`
-    (tones,), `times_s` (samples,); `nearby_hz` are lines that are fitted as well and not reported.
+    (tones,), `times_s` (samples,); `expected_hz`: lines that are fitted and not reported.
     The projector is made once for all samples at these times.
     """
 
     tones_hz: tuple[float, ...]
     times_s: FloatArray
-    nearby_hz: tuple[float, ...] = ()
+    expected_hz: tuple[float, ...] = ()
 
     @cached_property
     def design(self) -> FloatArray:
         """Columns 1, cos 2 pi f t, sin 2 pi f t, ...: shape (samples, 1 + 2 lines)."""
-        return tone_design((*self.tones_hz, *self.nearby_hz), self.times_s)
+        return tone_design((*self.tones_hz, *self.expected_hz), self.times_s)
 
     @cached_property
     def projector(self) -> FloatArray:

@@ -46,7 +46,7 @@ class Window:
     makes itself. `condition` is that of the tone fit where the window is not coherent, else 1.
     `mixture_bins` are Fourier bins of lines that the response may hold besides the tones, and
     `mixtures` the number of these lines; without whole periods they are fitted with the tones,
-    `nearby_hz`. `longest_s` is the longest communication step (0: any), s.
+    `expected_hz`. `longest_s` is the longest communication step (0: any), s.
 
     Raises:
         ValueError: too few samples for the tones, or times that are not positive.
@@ -61,7 +61,7 @@ class Window:
     condition: float = 1.0
     mixture_bins: tuple[int, ...] = ()
     mixtures: int = 0
-    nearby_hz: tuple[float, ...] = ()
+    expected_hz: tuple[float, ...] = ()
     longest_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -87,7 +87,7 @@ class Window:
     @cached_property
     def fit(self) -> ToneFit:
         """The fit of the tones at these times."""
-        return ToneFit(self.tones_hz, self.times_s(), self.nearby_hz)
+        return ToneFit(self.tones_hz, self.times_s(), self.expected_hz)
 
     def read(self, values: FloatArray) -> FittedTones:
         """Mean and tones in samples, shape (samples,) or (samples, outputs).
@@ -181,7 +181,7 @@ def plan_window(
     *,
     samples_per_period: int = 0,
     mixtures_hz: Sequence[float] = (),
-    nearby_hz: tuple[float, ...] = (),
+    expected_hz: tuple[float, ...] = (),
     longest_s: float = math.inf,
 ) -> Window:
     """Window for known tones: coherent where they have a common period, else for a tone fit.
@@ -196,7 +196,7 @@ def plan_window(
         samples_per_period: steps in a period of the fastest tone for which an input is held; 0:
             none is.
         mixtures_hz: combinations of the tones that the window must hold, Hz.
-        nearby_hz: lines that are fitted with tones without a common period, Hz.
+        expected_hz: lines that are fitted with tones without a common period, Hz.
         longest_s: longest window, s.
 
     Raises:
@@ -215,7 +215,7 @@ def plan_window(
             f"distinguished; wanted frequencies with a common period up to {longest_s:g} s"
         )
     if samples is None:
-        return _incoherent(tones, nearby_hz, settle_s, least + 4, samples_per_period)
+        return _incoherent(tones, expected_hz, settle_s, least + 4, samples_per_period)
     period = float(common)
     hold = 0
     if samples_per_period:
@@ -245,12 +245,9 @@ def _incoherent(
     if gaps and min(gaps) <= 0.0:
         raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
     span = 1.0 / min([*gaps, *tones])  # the mean is a tone of 0 Hz: keep off it as well
-    wanted, (best, best_step) = samples, (math.inf, 0.0)
-    for near in (near_hz, ()):  # of tones far apart combinations come close to each other
-        samples = wanted + 2 * len(near)
-        best, best_step = _best_step((*tones, *near), samples, span)
-        if best <= LARGEST_CONDITION:
-            break
+    # more than unknowns: lines far from the tones fold to anywhere, and not onto another one
+    samples += 3 * len(near_hz)
+    best, best_step = _best_step((*tones, *near_hz), samples, span)
     if best > LARGEST_CONDITION:
         raise BadInput(
             f"drive frequencies {tones} Hz: no sampling distinguishes them (condition {best:.3g}); "
@@ -266,8 +263,8 @@ def _incoherent(
             coherent=False,
             hold_steps=hold,
             condition=best,
-            mixtures=len(near),
-            nearby_hz=near,
+            mixtures=len(near_hz),
+            expected_hz=near_hz,
         )
     )
 

@@ -10,7 +10,7 @@ from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar
 #: What the tool applies to inputs during a run.
 Signal = InputSignal | SampledSignal | None
 Answer = TypeVar("Answer")
-Other = TypeVar("Other")
 
 
 class Workers(Protocol):
@@ -64,7 +63,7 @@ class Variation:
 
     @cached_property
     def key(self) -> tuple[object, ...]:
-        """By which it is told from others."""
+        """What distinguishes it from others."""
         w = self.window
         times = (w.settle_s, w.step_s, w.samples, w.longest_s)
         return (*self.values.items(), *times, self.signal, self.moved, self.segments)
@@ -274,17 +273,3 @@ def together(tasks: Sequence[Generator[None, None, Answer]]) -> Generator[None, 
         if len(result) == len(tasks):
             return [result[k] for k in range(len(tasks))]
         yield
-
-
-def both(
-    one: Generator[None, None, Answer], other: Generator[None, None, Other]
-) -> Generator[None, None, tuple[Answer, Other]]:
-    """Step two predictions of different answers side by side, as `together` does.
-
-    Args:
-        one: not yet begun.
-        other: likewise.
-    """
-    tasks: list[Generator[None, None, Any]] = [one, other]
-    first, second = yield from together(tasks)
-    return first, second

@@ -47,7 +47,7 @@ class Basis(StrEnum):
     USUAL = "usual"  # accuracy: none was asked for, and the usual one is beyond the FMU
     ORDER = "order"  # step: errors fall as a power of it, seen over three steps
     PRESCRIBED = "prescribed"  # settling, solver: the user's own value
-    DECLARED = "declared"  # settling: the campaign says that the start is steady
+    DECLARED = "declared"  # settling: the campaign declares that the start is steady
     LINE_WIDTH = "line width"  # settling: by the damping that is stated
     LESS_DAMPING = "less damping"  # settling: watched, and longer for what a fit may try
     COHERENT = "coherent"  # window: whole periods

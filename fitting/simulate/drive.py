@@ -10,13 +10,14 @@ from functools import lru_cache, partial
 import numpy as np
 
 from fitting.fmu.runs import InputSignal, Run, Segment, row_times
-from fitting.signal.combinations import mixed_hz, nearby_hz
+from fitting.signal.combinations import expected_hz, mixed_hz
 from fitting.signal.grid import ANY_TIME, Grid, longest_common_s, window_on
 from fitting.signal.tones import ToneFit
 from fitting.signal.window import Window, plan_window, whole_steps
 from fitting.text.arrays import Scalar
+from fitting.text.errors import BadInput
 
-#: Combinations of the tones that are fitted beside them where there are no whole periods: of the
+#: Combinations of the tones that are fitted with them where there are no whole periods: of the
 #: order of a cubic term's shift of its own lines.
 NEAR_ORDER = 5
 
@@ -148,10 +149,8 @@ class Drive:
             step_s = max(round(step_s / own_s), 1) * own_s
         per_sample = math.ceil(step_s * max(self.tones_hz) * self.steps_per_period)
         hold_s = own_s or step_s / per_sample
-        if self.input is not None:
-            settle_s = whole_steps(settle_s, hold_s)
-        else:
-            settle_s = self.grid.at_step(settle_s)
+        driven = self.input is not None
+        settle_s = whole_steps(settle_s, hold_s) if driven else self.grid.at_step(settle_s)
         # the tones are not read of it
         times = Window(
             tones_hz=(),
@@ -188,16 +187,17 @@ def _window(
     longest_s = min(longest_s, longest_common_s(grid, lines_hz))
     coherent = whole_s <= longest_s or (len(lines_hz) == 1 and not grid.step_s)
     mixtures_hz = mixed_hz(tones_hz, order) if coherent else ()
-    # without whole periods a combination close to a tone leaks into it, at every time otherwise
-    near = () if coherent else nearby_hz(tones_hz, max(order, NEAR_ORDER))
-    plan = partial(plan_window, nearby_hz=tuple(f for f in near if f not in lines_hz))
-    if grid.step_s:
-        plan = partial(window_on, grid)
-    result = plan(
-        lines_hz,
-        settle_s,
-        samples_per_period=kept,
-        mixtures_hz=mixtures_hz,
-        longest_s=longest_s,
-    )
+    plan = partial(window_on, grid) if grid.step_s else plan_window
+    plan = partial(plan, lines_hz, settle_s, longest_s=longest_s)
+    plan = partial(plan, samples_per_period=kept, mixtures_hz=mixtures_hz)
+    if coherent or grid.step_s:
+        return replace(plan(), longest_s=grid.longest_s)
+    # without whole periods every line of the response leaks into the tones, at each time otherwise
+    expected = expected_hz(tones_hz, max(order, NEAR_ORDER))
+    try:
+        result = plan(expected_hz=tuple(f for f in expected if f not in lines_hz))
+    except BadInput:
+        if order > NEAR_ORDER:
+            raise
+        result = plan()  # of tones far apart combinations come close to each other
     return replace(result, longest_s=grid.longest_s)

@@ -68,7 +68,7 @@ class PlanOptions:
     """What a plan is for.
 
     `examples`: the drives are examples of many that are to come, as a fit tries them; else they are
-    the very runs that are planned, and then what a run shows may stand for a bound that holds
+    the very runs that are planned, and then what a run shows may replace a bound that holds
     beyond it. `of_largest`: errors are relative to the largest amplitude of all drives, else to
     each. `settle_s`: the user's own time to settle. `work`: most that a run may cost. `fixed`:
     parameters that the user has set, which the plan leaves as they are. `usual`: the accuracy was
@@ -190,7 +190,7 @@ def plan_drives(
         options: what is fixed beforehand.
 
     Raises:
-        BadInput: an accuracy out of range, tones that cannot be told apart, outputs that do not
+        BadInput: an accuracy out of range, tones that cannot be distinguished, outputs that do not
             oscillate, names that the FMU does not have, a drive whose shortest run costs too much.
         FmuFailure: the FMU failed.
     """
@@ -469,7 +469,8 @@ class _Planner:
             except BadInput:  # no sampling keeps so many lines off the tones
                 break
             order, finer, bound = lower, higher, SAFETY * self.probe.errors(here, better)
-            if bound <= self._share(Kind.SAMPLES):
+            # the same window keeps both orders off the tones, and shows nothing
+            if bound <= self._share(Kind.SAMPLES) and here is not better:
                 break
         counts = [window.samples for window in self.probe.windows(settle_s, order)]
         numbers: dict[str, Scalar] = {"least": min(counts), "most": max(counts)}

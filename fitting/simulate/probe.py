@@ -169,7 +169,7 @@ class Reading:
 
     @property
     def rounding(self) -> float:
-        """Relative error that comes of rounding the samples of a weak tone beside a strong one."""
+        """Relative error that comes of rounding the samples of a weak tone next to a strong one."""
         return _largest(
             32.0 * np.finfo(float).eps * self.condition * self.largest / self.amplitudes
         )
@@ -245,9 +245,9 @@ class Probe:
             settle_s: time before the first sample, s.
             order: highest sum of the absolute factors.
         """
-        key = (_key(settings), settle_s, order)
+        windows = self.windows(settle_s, order)
+        key = (_key(settings), *windows)
         if key not in self._readings:
-            windows = self.windows(settle_s, order)
             answers = self.workers.run(self._runs(settings, windows))
             self._readings[key] = list(map(_reading, self.drives, windows, answers))
         return self._readings[key]
@@ -319,8 +319,8 @@ class Probe:
     def repetition(self, settings: Mapping[str, Scalar], settle_s: float) -> float:
         """How far amplitudes repeat at times some hundredths of a period apart.
 
-        What moves with time, a transient or a line beside the tones, does so smoothly over so short
-        a time, and a parabola through its phasors is taken off; what remains is no motion.
+        What moves with time, a transient or a line near the tones, does so smoothly over so short a
+        time, and a parabola through its phasors is taken off; what remains is no motion.
 
         Args:
             settings: values of FMU variables, by name.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
@@ -15,7 +16,7 @@ from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.description import FmuVariable
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Run, row_times
-from fitting.signal.combinations import USUAL_ORDER, mixed_lines
+from fitting.signal.combinations import USUAL_ORDER, expected_hz, mixed_lines
 from fitting.signal.grid import band_on
 from fitting.signal.spectrum import Band, amplitude_spectrum, plan_band
 from fitting.signal.tones import ToneFit, exact, fit_tones, tones_in_words, unit_hint
@@ -24,7 +25,7 @@ from fitting.simulate.batch import Workers
 from fitting.simulate.budget import Kind
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import MOST_WORK, DrivePlan, PlanOptions, plan_drives
-from fitting.simulate.probe import attempt, knowledge_of
+from fitting.simulate.probe import ORDERS, attempt, knowledge_of
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
 from fitting.text.units import convert, same_kind
@@ -99,7 +100,7 @@ class MixedLine:
 
 
 class RemainderKind(StrEnum):
-    """What there is beside the tones."""
+    """What there is apart from the tones."""
 
     UNEXPLAINED = "unexplained"  # a line at no combination of the tones
     UNKNOWN = "unknown"  # what a fit leaves, of which no frequency is known
@@ -110,7 +111,7 @@ class RemainderKind(StrEnum):
 
 @dataclass(frozen=True)
 class Remainder:
-    """The most that a response holds beside the tones, as a share of the largest peak.
+    """The most that a response holds apart from the tones, as a share of the largest peak.
 
     `at_hz`: where that is, `bin_hz`: to how much that is known, Hz (NaN: not known).
     """
@@ -131,7 +132,7 @@ class DriveResponse:
     """What came of a drive.
 
     `peaks` (tones, outputs) are the amplitudes that the plan promises, in the outputs' units, V
-    peak for volts; `plan` says how, and how accurate they are. `beating` is sampled so that the
+    peak for volts; `plan` has how, and how accurate they are. `beating` is sampled so that the
     samples fill the envelope (None for a single tone), `carrier` resolves some periods. `lines`
     are those at combinations of the tones that stand out of rounding, by order and frequency.
     `constants`: values of outputs that do not oscillate, by name. `other_line`: that keeps
@@ -276,22 +277,19 @@ def _band(drive: Drive, shown: Shown) -> tuple[Band, bool]:
 
 
 def _rounded_band(tones: tuple[float, ...], shown: Shown) -> Band:
-    """A band for tones without a common period, rounded to what the window tells apart."""
+    """A band for tones without a common period, rounded to what the window resolves."""
     gaps = [abs(a - b) for i, a in enumerate(tones) for b in tones[:i]]
     digits = math.ceil(math.log10(10.0 / min(*gaps, *tones)))
     rounded = tuple(float(round(exact(tone), digits)) for tone in tones)
     window_s = shown.window_s or 10.0**digits
-    cause = None
-    try:
+    with suppress(BadInput):  # it names rounded tones, which were not written
         band = plan_band(rounded, longest_s=math.inf, window_s=window_s, samples=shown.samples)
         if band is not None:
             return band
-    except BadInput as error:
-        cause = error  # speaks of the rounded tones, which nobody has written
     raise BadInput(
         f"{tones_in_words(tones)}: no common period within {longest_window_s(tones):g} s, and no "
         f"sampling of {window_s:g} s keeps them within one band{unit_hint(tones)}"
-    ) from cause
+    )
 
 
 def _remainder(
@@ -299,14 +297,20 @@ def _remainder(
 ) -> Remainder:
     """What there is besides the tones, against what a steady response of that accuracy has.
 
-    By the bins of a band with whole periods of every tone; else (None) by a fit, of which the rest
-    has no known frequency.
+    By the bins of a band with whole periods of every tone; else (None) by a fit of tones and
+    combinations, of which the rest has no known frequency.
     """
     drive, largest = plan.drives[0], np.max(np.abs(values), axis=0)
     if band is None:
-        result = fit_tones(drive.tones_hz, np.array(row_times(run)), values)
-        peaks, unexplained = result.amplitudes, np.max(np.abs(result.rest), axis=0, keepdims=True)
-        combined, combined_hz, unexplained_hz = unexplained[:0], np.empty(0), np.array([math.nan])
+        times_s = np.array(row_times(run))
+        result, lines_hz = fit_tones(drive.tones_hz, times_s, values), drive.tones_hz
+        with suppress(BadInput):  # as many combinations as the samples distinguish
+            for order in ORDERS[1:]:
+                more_hz = (*drive.tones_hz, *expected_hz(drive.tones_hz, order))
+                result, lines_hz = fit_tones(more_hz, times_s, values), more_hz
+        peaks, combined = np.split(result.amplitudes, [len(drive.tones_hz)])
+        unexplained = np.max(np.abs(result.rest), axis=0, keepdims=True)
+        combined_hz, unexplained_hz = np.array(lines_hz[len(peaks) :]), np.array([math.nan])
     else:
         tones, mixed = list(band.bins()), [k for k in band.combination_bins() if k]
         rest = np.setdiff1d(np.arange(1, band.samples // 2 + 1), [*tones, *mixed])
@@ -406,7 +410,7 @@ class Sideband:
 
 
 def strongest_other_line(workers: Workers, plan: DrivePlan) -> Remainder | None:
-    """The strongest line beside the tones, None where none explains what does not stand still.
+    """The strongest line apart from the tones, None where none explains what does not stand still.
 
     Args:
         workers: processes that run the FMU.
@@ -429,7 +433,7 @@ def strongest_other_line(workers: Workers, plan: DrivePlan) -> Remainder | None:
 def missing_damping(
     workers: Workers, plan: DrivePlan, line: Remainder, variables: Mapping[str, FmuVariable]
 ) -> tuple[str, ...]:
-    """Parameters that are 0 and, where they are not, let a line beside the tones decay.
+    """Parameters that are 0 and, where they are not, let a line apart from the tones decay.
 
     Each is tried: a rate at a ten-thousandth of the line's frequency, others at a thousandth.
 
@@ -465,7 +469,7 @@ def missing_damping(
 def _shares(
     workers: Workers, plan: DrivePlan, settings: Mapping[str, Scalar]
 ) -> tuple[FloatArray, float]:
-    """Lines (bins, outputs) beside the tones over the largest peak of each output; 1/bin in s."""
+    """Lines (bins, outputs) besides the tones over the largest peak of each output; 1/bin in s."""
     drive = plan.drives[0]
     step_s = 1.0 / (PER_PERIOD * drive.fastest_hz)
     run = drive.run_at(settings, plan.settle_s, step_s, LONG_SAMPLES)
@@ -499,7 +503,7 @@ def sideband_of(
     """The parameter of the FMU, a frequency, whose value is the distance of a line from a tone.
 
     Args:
-        line: beside the tones.
+        line: apart from the tones.
         tones: their frequencies by name, Hz.
         values: start values, by name.
         variables: of the FMU, by name.

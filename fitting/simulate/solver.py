@@ -96,10 +96,8 @@ def solver_error(
     finer = max(value * part, low)
     coarser = value if finer < value else min(value / part, high)
     here = attempt(partial(probe.read, {**settings, name: coarser}, settle_s))
-    if here is None:
-        return math.inf
-    better = attempt(partial(probe.read, {**settings, name: finer}, settle_s))
-    if better is None:
+    better = here and attempt(partial(probe.read, {**settings, name: finer}, settle_s))
+    if here is None or better is None:
         return math.inf
     if all((a.tones == b.tones).all() for a, b in zip(here, better, strict=True)):
         return -1.0

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fitting.signal.combinations import nearby_hz
+from fitting.signal.combinations import expected_hz
 from fitting.signal.window import Window, plan_window, tone_misfit
 from fitting.simulate.words import window_in_words
 from fitting.text.errors import BadInput
@@ -31,13 +31,16 @@ def sampled(window: Window, tones: list[tuple[float, float, float]], mean: float
 
 
 def test_combinations_close_to_tones_without_whole_periods_do_not_leak_into_these() -> None:
-    """2 u1 - u2 and 2 u2 - u1, as a cubic term makes them, at any time of the beat."""
+    """2 u1 - u2 and the third harmonic, as a cubic term makes them, at any time of the beat."""
     tones = (1000.0 * math.sqrt(2.0), 1000.0 * math.sqrt(2.0) + 0.01 * math.pi)
-    near = nearby_hz(tones, 3)
-    assert near == pytest.approx((2.0 * tones[0] - tones[1], 2.0 * tones[1] - tones[0]))
-    lines = [(tones[0], 1.0, 0.3), (tones[1], 0.5, 1.0), (near[0], 0.1, 2.0), (near[1], 0.2, 0.5)]
+    near = expected_hz(tones, 5)
+    lines = [(tones[0], 1.0, 0.3), (tones[1], 0.5, 1.0)]
+    for factors, amplitude in (((2, -1), 0.1), ((-1, 2), 0.2), ((3, 0), 0.1), ((1, 1), 0.05)):
+        mixed = factors[0] * tones[0] + factors[1] * tones[1]
+        assert min(abs(f - mixed) for f in near) < 1e-9
+        lines.append((mixed, amplitude, 0.5 + factors[0]))
     for settle_s in (0.0, 31.0):
-        window = plan_window(tones, settle_s, nearby_hz=near)
+        window = plan_window(tones, settle_s, expected_hz=near)
         assert not window.coherent
         found = window.read(sampled(window, lines, 0.2))
         assert found.amplitudes == pytest.approx([1.0, 0.5], rel=1e-9)

@@ -10,6 +10,7 @@ import pytest
 
 from fitting.fmu.runs import InputSignal, row_times
 from fitting.simulate.drive import Approach, Drive
+from fitting.text.errors import BadInput
 
 TONES = (1000.0, 1010.0)
 DRIVE = Drive(start_values={"a": 1.0}, tones_hz=TONES, outputs=("x", "y"))
@@ -47,14 +48,25 @@ def test_tones_without_a_common_period_are_told_apart_by_their_samples() -> None
     assert not plain.coherent
     assert plain.condition < 3.0
     assert more.samples > plain.samples
-    assert set(plain.nearby_hz) < set(more.nearby_hz)
-    near = [f for f in more.nearby_hz if abs(f - 2.0 * tones[0] + tones[1]) < 1e-9]
+    assert set(plain.expected_hz) < set(more.expected_hz)
+    near = [f for f in more.expected_hz if abs(f - 2.0 * tones[0] + tones[1]) < 1e-9]
     assert len(near) == 1
     coherent = drive.window(0.1, 1, 1e-9)
     assert not coherent.coherent
     assert replace(DRIVE, tones_hz=(1000.0 * 2.0**0.5,)).window(0.1, 1, 1e-9).coherent
     assert not DRIVE.window(0.1, 1, 0.09).coherent
     assert DRIVE.window(0.1, 1, 0.1).coherent
+
+
+def test_combinations_that_no_samples_resolve_are_refused_and_those_of_low_order_left_out() -> None:
+    """Of tones far apart they come close to each other, and a fit without them is no finer one."""
+    drive = replace(DRIVE, tones_hz=(37.7784172427, 40.239450557982))
+    for order in (1, 11, 21):
+        assert drive.window(0.1, order).expected_hz
+    with pytest.raises(BadInput, match="no sampling distinguishes"):
+        drive.window(0.1, 41)
+    far = replace(DRIVE, tones_hz=(1.0, 3.0 + 1e-7 * 2.0**0.5))
+    assert far.window(0.1, 1, 1.0).expected_hz == ()
 
 
 def test_a_run_has_the_settings_over_the_start_values_and_each_output_once() -> None:
