@@ -137,5 +137,5 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 @pytest.fixture(autouse=True)
 def _patient_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a busy machine a line of progress would stand among the complaints that tests count."""
-    monkeypatch.setattr("fitting.cli.running.progress.FIRST_S", 1e6)
-    monkeypatch.setattr("fitting.cli.running.progress.MOST_S", 1e6)
+    monkeypatch.setattr("fitting.api.progress.FIRST_S", 1e6)
+    monkeypatch.setattr("fitting.api.progress.MOST_S", 1e6)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from fitting.api.fitted import Inference, fit, profile
 from fitting.api.fmu import Fmu, opened_fmu
 from fitting.api.problem import Problem
+from fitting.api.progress import status_line
 from fitting.campaign.arrays import Parameter, Sweep
 from fitting.campaign.bound import Drive, Setup
 from fitting.measurements.complex_curve import ComplexCurve
@@ -22,6 +23,9 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 
+#: Steps in a period of the tone over which an input is held: it is scaled so that its fundamental
+#: is right.
+HELD_STEPS = 28
 #: Start, lower and upper bound of a parameter, in the FMU's unit or as texts with a unit.
 Box = tuple[float | str, float | str, float | str]
 #: What is looked for, by the FMU's names or as records.
@@ -93,7 +97,7 @@ def fit_trace(  # noqa: PLR0913 - keywords that all have defaults
         for name in names
     ]
     problem = Problem(fmu, _records(parameters), traces, derived=derived)
-    return profile(fit(problem, starts=starts))
+    return _fitted("fit_trace", fmu, problem, starts)
 
 
 @checked
@@ -140,7 +144,8 @@ def fit_sweep(  # noqa: PLR0913 - keywords that all have defaults
     fmu = opened_fmu(fmu)
     f, y = np.asarray(frequency_hz, dtype=float), np.asarray(values)
     if tone_names is None:
-        drive = Drive(input=input_name or _only(fmu, "input"))
+        # more steps than these cost time alone: the plan measures what they leave
+        drive = Drive(input=input_name or _only(fmu, "input"), samples_per_period=HELD_STEPS)
     else:
         drive = Drive(frequency_names=tone_names[:1], amplitude_names=tone_names[1:])
     setup = Setup(
@@ -151,7 +156,15 @@ def fit_sweep(  # noqa: PLR0913 - keywords that all have defaults
     )
     measured = ComplexSweep(setup, ComplexCurve(f, y)) if np.iscomplexobj(y) else Sweep(setup, f, y)
     problem = Problem(fmu, _records(parameters), [measured], derived=derived)
-    return profile(fit(problem, starts=starts))
+    return _fitted("fit_sweep", fmu, problem, starts)
+
+
+def _fitted(name: str, fmu: Fmu, problem: Problem, starts: int | None) -> Inference:
+    """Fit and profiles; what is under way is shown as by the commands."""
+    with status_line(name, lambda: f"{fmu.workers.counts.runs} runs") as show:
+        show("planning")
+        fitted = fit(problem, starts=starts, progress=lambda state: show(state.stage))
+        return profile(fitted, progress=lambda spent: show(spent.stage))
 
 
 def _records(parameters: Wanted) -> list[Parameter]:

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import fitting as ff
+from fitting.api.progress import status_line
 from fitting.cli.running.campaigns import command_line, fit_at, fmu_for
 from fitting.cli.running.output import hand_over, writes
-from fitting.cli.running.progress import status_line
 from fitting.cli.words.options import (
     USUAL_BUDGET,
     Options,

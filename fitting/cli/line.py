@@ -11,8 +11,8 @@ from typing import Any
 
 import fitting as ff
 from fitting.api.early import LINE_FILES, LINES_FILES
+from fitting.api.progress import reading
 from fitting.cli.running.output import hand_over, writes
-from fitting.cli.running.progress import reading
 from fitting.cli.words.options import (
     Options,
     add_columns,

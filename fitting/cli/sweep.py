@@ -9,9 +9,9 @@ import argparse
 
 import fitting as ff
 from fitting.api.early import SWEEP_FILES
+from fitting.api.progress import status_line
 from fitting.cli.running.campaigns import complaints_of_options, fmu_of
 from fitting.cli.running.output import hand_over, writes
-from fitting.cli.running.progress import status_line
 from fitting.cli.words.options import (
     ISOLATE,
     START_VALUE,

@@ -69,6 +69,7 @@ from fitting.draft.model import (
     opened_offer,
     shown_lines,
 )
+from fitting.extension.fmu import HELD_STEPS
 from fitting.extension.records import PLAIN
 from fitting.lines import noise_spectrum
 from fitting.lines.choice import chance
@@ -126,8 +127,6 @@ THROUGH_COUPLING: Starts = {
 }
 #: Widths by which lines of several sweeps differ that are not of one mode.
 APART = 3.0
-#: Held steps per period of an input: the drive is scaled so that its fundamental is right.
-STEPS_PER_PERIOD = 28
 #: Relative error of the simulated amplitudes, and how far, relatively, a tenth of the drive may be
 #: from a tenth of the response.
 ACCURACY, LINEAR = 1e-6, 1e-4
@@ -971,7 +970,7 @@ def _drive(
         "frequencies": [c.name for c in table.tones] if table else ["f"],
         "input": noted(driven, "the signal is made here and held over each step"),
         "level": noted(1.0, f"{words}, in the FMU's unit, {offer.unit(driven)}"),
-        "samples_per_period": STEPS_PER_PERIOD,
+        "samples_per_period": HELD_STEPS,
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fitting.api.progress import reading, status_line
 from fitting.cli.running.campaigns import (
     command_again,
     command_line,
@@ -11,7 +12,6 @@ from fitting.cli.running.campaigns import (
     fmu_of,
 )
 from fitting.cli.running.output import hand_over, writes
-from fitting.cli.running.progress import reading, status_line
 from fitting.cli.words.options import (
     ISOLATE,
     Options,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -55,8 +56,12 @@ def test_a_trace_is_fitted_as_scipy_fits_its_own_solution(oscillator: ff.Fmu) ->
 
 @pytest.mark.parametrize("is_complex", [False, True], ids=["amplitudes", "complex"])
 def test_a_sweep_is_fitted_with_a_gain_that_nobody_knows(
-    is_complex: bool, oscillator: ff.Fmu
+    is_complex: bool,
+    oscillator: ff.Fmu,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setattr("fitting.api.progress.FIRST_S", 0.01)
     random = np.random.default_rng(5)
     f = np.linspace(290.0, 355.0, 41)
     w = 2.0 * np.pi * f
@@ -64,11 +69,17 @@ def test_a_sweep_is_fitted_with_a_gain_that_nobody_knows(
     noise = random.standard_normal(f.size) + 1j * random.standard_normal(f.size)
     y = y + 0.003 * np.max(np.abs(y)) * noise
     seen = y if is_complex else np.abs(y)
-    # a run takes seconds of an FMU whose input is held over 600 steps a period: one start
+    before = oscillator.workers.counts
     found = ff.fit_sweep(oscillator, f, seen, BOXES, output_name="displacement", starts=1)
     assert found.status == "converged"
     for name, truth in (("damping", DAMPING), ("stiffness", STIFFNESS)):
         assert abs(found[name].value - truth) < 4.0 * found[name].std < 0.2 * truth
+    # what is under way is shown, and no more steps are taken than the accuracy needs
+    shown = capsys.readouterr().err.splitlines()
+    assert shown
+    assert all(re.match(r"fit_sweep: .+, \d+ runs, \d+ s$", line) for line in shown)
+    after = oscillator.workers.counts
+    assert after.steps - before.steps < 15_000 * (after.runs - before.runs)
 
 
 @pytest.mark.parametrize(

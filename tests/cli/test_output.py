@@ -39,7 +39,7 @@ def fitted(folder: Path) -> Told:
     """A fit that says all it can."""
     words = ("--json", "--verbose", "--log", folder / "fit.log")
     with pytest.MonkeyPatch.context() as patch:  # on a busy machine progress would stand among them
-        patch.setattr("fitting.cli.running.progress.FIRST_S", 1e6)
+        patch.setattr("fitting.api.progress.FIRST_S", 1e6)
         return told("reconstruct", folder / "campaign.toml", "--out", folder / "out", *FIT, *words)
 
 

@@ -18,8 +18,8 @@ import pytest
 
 from fitting.api.cost import Expected
 from fitting.api.fitted import Progress, Spent
+from fitting.api.progress import hidden, status_line
 from fitting.cli.main import main
-from fitting.cli.running.progress import hidden, status_line
 from fitting.cli.running.remaining import Remaining
 from fitting.inference.cost import Stage
 from tests.support.small_campaign import of_pairs, small_campaign
@@ -225,8 +225,8 @@ def test_nothing_is_shown_where_it_is_hidden(capsys: pytest.CaptureFixture[str])
 def test_lines_in_a_pipe_have_words_and_a_time(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fitting.cli.running.progress.FIRST_S", 0.01)
-    monkeypatch.setattr("fitting.cli.running.progress.MOST_S", 0.01)
+    monkeypatch.setattr("fitting.api.progress.FIRST_S", 0.01)
+    monkeypatch.setattr("fitting.api.progress.MOST_S", 0.01)
     counted = threading.Event()
 
     def runs() -> str:

@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager, redirect_stdout
 from functools import wraps
 from pathlib import Path
 
-from fitting.cli.running.progress import above_status, hidden
+from fitting.api.progress import above_status, hidden
 from fitting.text.errors import BadInput
 
 #: Every module of the package logs under this name.

@@ -14,10 +14,10 @@ from fitting.api.early import RESULT_FILES
 from fitting.api.fitted import Spent, Valued, kept_levels, search_options
 from fitting.api.jobs import check_style, draw_report
 from fitting.api.problem import Campaign
+from fitting.api.progress import status_line
 from fitting.cli.running.campaigns import command_again, command_line, fmu_for
 from fitting.cli.running.interrupts import to_the_end
 from fitting.cli.running.output import hand_over
-from fitting.cli.running.progress import status_line
 from fitting.cli.running.remaining import Remaining, counted
 from fitting.report.screen import line_item, printed_lines
 from fitting.report.summary import detail_lines, result_lines

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from fitting.api.cost import Expected, Range, added, times
 from fitting.api.fitted import Progress, Spent
-from fitting.cli.running.progress import listed_words
+from fitting.api.progress import listed_words
 
 #: Evaluations and seconds that a pace was seen for before it is printed: the first evaluations are
 #: not like the rest.

@@ -103,4 +103,5 @@ def _pipe(label: str, text: Callable[[], str], ended: threading.Event) -> None:
     while not ended.wait(wait_s):
         wait_s = min(max(FIRST_S, PART * (time.monotonic() - started)), MOST_S)
         after = f"{time.monotonic() - started:.0f} s"
-        print(f"{label}: {listed_words(text(), after)}", file=sys.stderr, flush=True)
+        line = f"{label}: {listed_words(text(), after)}"
+        print(line, file=sys.stderr, flush=True)  # noqa: T201 - what is under way, not a result
