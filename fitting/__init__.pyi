@@ -48,10 +48,8 @@ from fitting.campaign.noise import Noise as Noise
 from fitting.check.api import check as check
 from fitting.design.api import Goal as Goal
 from fitting.design.api import Limits as Limits
-from fitting.design.api import WaysToMeasure as WaysToMeasure
 from fitting.design.api import design as design
 from fitting.design.api import limits as limits
-from fitting.design.api import ways as ways
 from fitting.draft.api import init as init
 from fitting.ensembles.api import Ensemble as Ensemble
 from fitting.ensembles.api import EnsembleOptions as EnsembleOptions

@@ -14,7 +14,7 @@ from typing import Any
 
 from docs.site.docstrings import parts_of
 from docs.site.markdown import code, escaped
-from fitting.design.result import Design, Ways
+from fitting.design.result import Design
 from fitting.inference.likelihood.knowledge import Identification
 from fitting.lines.line import Line
 from fitting.lines.noise_spectrum import NoiseLine
@@ -31,7 +31,7 @@ INTRODUCTION = """\
 # Files of results
 
 `reconstruct` writes `result.json`, `identify` writes `identify.json`, `design` writes
-`design.json`, or `ways.json` where kinds are compared, `posterior` writes `posterior.json`: the
+`design.json`, `posterior` writes `posterior.json`: the
 records below, key by key. A number that does not exist is `null`, an infinite one `"inf"`; numbers
 keep all their digits. Brackets name the records that keys hold, or the words.
 [result.schema.json](result.schema.json) has all of result.json as a JSON Schema,
@@ -42,7 +42,6 @@ ROOTS: tuple[tuple[str, type[Any]], ...] = (
     ("result.json", Result),
     ("identify.json", Identification),
     ("design.json", Design),
-    ("ways.json", Ways),
     ("posterior.json", PosteriorSummary),
     ("line.json of a sweep", Line),
     ("line.json of a ringdown", Ringdown),

@@ -1,4 +1,4 @@
-"""Which measurement next, to know a value better: `ff.design`, `ff.ways`, `fmu-fit design`."""
+"""Which measurement next, to know a value better: `ff.design`, `fmu-fit design`."""
 
 FILES = (
     "design.json",
@@ -8,4 +8,3 @@ FILES = (
     "campaign/next[0-9]*.csv",
     "figures/[0-9]*_*.*",
 )
-WAYS_FILES = ("ways.json",)

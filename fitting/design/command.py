@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 import fitting as ff
-from fitting.design import FILES, WAYS_FILES
+from fitting.design import FILES
 from fitting.extension.command import (
     Options,
     command_line,
@@ -21,7 +21,7 @@ from fitting.extension.command import (
     writes,
 )
 from fitting.text.choices import CRITERIA
-from fitting.text.results_folder import remove_earlier, results_folder
+from fitting.text.results_folder import remove_earlier
 
 NAME = "design"
 DOCUMENT = "design.json"
@@ -49,11 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--candidates",
         type=Path,
-        action="append",
-        default=[],
         metavar="DESIGN.toml",
-        help="a file with a table [design], limits of the instrument (the campaign's); several, "
-        "of one kind of measurement each, are compared",
+        help="a file with a table [design]: the instrument's limits (the campaign's own)",
     )
     parser.add_argument(
         "--time",
@@ -80,7 +77,7 @@ def _out(args: argparse.Namespace) -> Path:
     return args.out or Path("out") / f"next_{folder_names(args.campaign)}"
 
 
-@writes(NAME, *FILES, *WAYS_FILES, to=_out)
+@writes(NAME, *FILES, to=_out)
 def run(args: argparse.Namespace) -> int:
     """Propose and write; returns 0.
 
@@ -90,33 +87,19 @@ def run(args: argparse.Namespace) -> int:
     """
     campaigns = [ff.read_campaign(path) for path in (args.campaign, *args.also)]
     goal = ff.Goal(args.target or "", args.criterion or "", args.number, args.seed, args.time)
-    out, several = _out(args), len(args.candidates) > 1
     # the fit by its file, which complaints name; itself where its data may be others
-    at = fit_at(args) if args.changed_data else args.at
+    out, at = _out(args), fit_at(args) if args.changed_data else args.at
     command = command_line(args)
-    kinds = {path.stem: path for path in args.candidates}
-    if len(kinds) < len(args.candidates):
-        raise ff.BadInput("--candidates: two files of one name, which distinguishes the kinds")
-    for name in kinds if several else ():  # of what cannot be written there it is complained now
-        with results_folder(out / name, NAME, FILES):
-            pass
     with fmu_for(campaigns, out, args.workers) as fmu, status_line(NAME) as tell:
-        from fitting.design.proposal import screen_lines, ways_lines
+        from fitting.design.api import screen_lines
 
         problem = ff.Problem.of(campaigns, fmu)
-        if several:
-            ways = ff.ways(problem, goal, limits=kinds, at=at, progress=tell).made_by(command)
-            tell("writing")
-            written = ways.write(out, report=not args.no_report)
-            hand_over(args, ways.ways)
-            lines = ways_lines(ways.ways, written, verbose=args.verbose)
-        else:
-            limits = next(iter(kinds.values()), None)
-            made = ff.design(problem, goal, limits=limits, at=at, progress=tell).made_by(command)
-            tell("writing")
-            written = made.write(out, report=not args.no_report)
-            hand_over(args, made.design)
-            lines = screen_lines(made.design, written, verbose=args.verbose)
+        made = ff.design(problem, goal, limits=args.candidates, at=at, progress=tell)
+        made = made.made_by(command)
+        tell("writing")
+        written = made.write(out, report=not args.no_report)
+        hand_over(args, made.design)
+        lines = screen_lines(made.design, written, verbose=args.verbose)
     remove_earlier(out, ("fmu/*.fmu",))
     print("\n".join(lines))
     return 0

@@ -15,30 +15,30 @@ import numpy as np
 
 from fitting.campaign.binder import Binder
 from fitting.campaign.instruments.plain import LEAST_POINTS
-from fitting.design.continued import (
-    SWEEPS,
-    TRACES,
-    Continued,
-    continued,
-    longest_s,
-    repeatable,
-    required,
-)
 from fitting.design.result import DriveChoice
 from fitting.extension.records import (
     BoundCampaign,
+    Recorded,
+    TimeRecord,
+    TraceRecord,
     WrittenCampaign,
     WrittenDesign,
     WrittenSweeps,
     WrittenTraces,
 )
 from fitting.fmu.description import READABLE, SETTABLE, FmuVariable
+from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.control_sweep import ControlSweep
+from fitting.measurements.demodulated import DemodulatedRecord
+from fitting.measurements.records import Together
+from fitting.measurements.trace_survey import TracesTogether
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
 from fitting.signal.time_grid import LEAST_SAMPLES
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput
+from fitting.text.notation import listed
 from fitting.text.schema import Keys, Missing, read_record
 from fitting.text.toml import read_toml
 from fitting.text.units import Written, convert, in_unit, positive_in, same_kind
@@ -56,28 +56,29 @@ ROUNDING, NO_NOISE = 1e-12, 1e-6
 #: Tables by which a file is known as a campaign.
 OF_A_CAMPAIGN = ("fmu", "drive", "parameters")
 #: Keys of [design] that place tones; that mean nothing for traces.
-OF_TONES = frozenset(
-    [
-        "outputs",
-        "frequency_step",
-        "least_spacing",
-        "farthest",
-        "both_sides",
-        "tones",
-        "levels",
-        "repeats",
-        "phases",
-        "settings",
-        "setting_sigma",
-    ]
-)
+OF_TONES = {"outputs", "frequency_step", "least_spacing", "farthest", "both_sides", "tones"}
+OF_TONES |= {"levels", "repeats", "phases", "settings", "setting_sigma"}
 NOT_OF_TRACES = OF_TONES | {"centres", "relative_noise"}
+#: Tables whose measurements new ones may continue, and their kinds.
+SWEEPS: Mapping[str, type[Together[Any]]] = {
+    "control_sweep": ControlSweep,
+    "complex_control_sweep": ComplexSweep,
+}
+TRACES: Mapping[str, type[Together[Any]]] = {
+    "trace": TracesTogether,
+    "demodulated_trace": TracesTogether,
+}
 
 
 def combinations(settings: Mapping[str, Sequence[Scalar]]) -> list[dict[str, Scalar]]:
     """All combinations of values, by name."""
     values = itertools.product(*settings.values())
     return [dict(zip(settings, combination, strict=True)) for combination in values]
+
+
+def are_positive(values: Sequence[float]) -> bool:
+    """Whether there are numbers, all positive and finite."""
+    return len(values) > 0 and all(0.0 < value < math.inf for value in values)
 
 
 class BadLimit(BadInput):
@@ -142,7 +143,7 @@ class TraceLimits:
         if not self.of or set(self.spacings_s) != set(self.of):
             raise BadLimit("traces", "wanted one trace at least, and spacings of each")
         for values in (self.lengths_s, *self.spacings_s.values()):
-            if not values or not all(0.0 < v < math.inf for v in values):
+            if not are_positive(values):
                 raise BadLimit(
                     "traces", f"found times {values!r}, wanted positive ones, one at least"
                 )
@@ -216,33 +217,39 @@ class Limits:
     change_s: float = 0.0
 
     def __post_init__(self) -> None:
-        def check(name: str, good: bool, wanted: str) -> None:
-            value = getattr(self, name)
-            if not good or (isinstance(value, float) and not math.isfinite(value)):
-                raise BadLimit(name, f"found {value!r}, wanted {wanted}")
-
-        above = ("frequency_step_hz", "least_spacing_hz", "farthest_hz", "largest_v")
-        for name in (*above, "spectrum_s", "point_s"):
-            check(name, getattr(self, name) > 0.0, "a positive number")
-        check("time_s", self.time_s is None or self.time_s > 0.0, "a positive number")
-        for name in ("noise_floor_v", "relative_noise", "change_s"):
-            check(name, getattr(self, name) >= 0.0, "zero or more")
-        for name in ("centres_hz", "levels", "repeats"):
-            values = getattr(self, name)
-            good = len(values) > 0 and all(0.0 < v < math.inf for v in values)
-            check(name, good, "positive numbers, one at least")
-        check("outputs", len(self.outputs) > 0, "one name at least")
-        check("repeats", all(v == int(v) for v in self.repeats), "whole numbers")
-        check("tones", self.tones in (1, 2), "1 or 2")
-        check("number", 1 <= self.number <= MOST_NUMBER, f"1 to {MOST_NUMBER}")
-        if self.sweeps is not None:
-            check("number", self.number >= 2, f"2 to {MOST_NUMBER} sweeps")
-            check("centres_hz", len(self.centres_hz) == 1, "one, the middle of the sweeps")
-            noisy = max(self.noise_floor_v, self.relative_noise) > 0.0
-            check("noise_floor_v", noisy, "noise of the sweeps' points")
-            check("sweeps", self.traces is None, "sweeps or traces, not both")
+        least = 1 if self.sweeps is None else 2
+        lengths = "frequency_step_hz least_spacing_hz farthest_hz largest_v spectrum_s point_s"
+        rules: tuple[tuple[str, Callable[[Any], bool], str], ...] = (
+            (lengths, lambda v: bool(0.0 < v < math.inf), "a positive number"),
+            ("time_s", lambda v: v is None or 0.0 < v < math.inf, "a positive number"),
+            (
+                "noise_floor_v relative_noise change_s",
+                lambda v: bool(0.0 <= v < math.inf),
+                "zero or more",
+            ),
+            ("centres_hz levels repeats", are_positive, "positive numbers, one at least"),
+            ("repeats", lambda v: all(n == int(n) for n in v), "whole numbers"),
+            ("outputs", lambda v: len(v) > 0, "one name at least"),
+            ("tones", lambda v: v in (1, 2), "1 or 2"),
+            ("number", lambda v: least <= v <= MOST_NUMBER, f"{least} to {MOST_NUMBER}"),
+        )
+        for names, is_good, wanted in rules:
+            for name in names.split():
+                if not is_good(getattr(self, name)):
+                    raise BadLimit(name, f"found {getattr(self, name)!r}, wanted {wanted}")
+        if self.sweeps is not None and len(self.centres_hz) > 1:
+            raise BadLimit("centres_hz", f"found {self.centres_hz!r}, wanted the middle of sweeps")
+        if self.sweeps is not None and not max(self.noise_floor_v, self.relative_noise) > 0.0:
+            raise BadLimit("noise_floor_v", "found 0.0, wanted noise of the sweeps' points")
+        if self.sweeps is not None and self.traces is not None:
+            raise BadLimit("sweeps", "found traces, too; wanted sweeps or traces")
         for name in ("levels", "repeats"):
             object.__setattr__(self, name, tuple(sorted(set(getattr(self, name)))))
+
+    @property
+    def kind(self) -> str:
+        """What is proposed: "tones", "sweeps" or "traces"."""
+        return "sweeps" if self.sweeps else "tones" if self.traces is None else "traces"
 
     def sigmas(self, amplitudes_v: FloatArray, repeats: int) -> FloatArray:
         """Standard deviations of peaks of any shape, in the detector's unit.
@@ -302,16 +309,6 @@ class DesignTable:
             elsewhere={**self.elsewhere, **dict.fromkeys(other.written, other.path)},
         )
 
-    def of_kind(self, other: DesignTable) -> DesignTable:
-        """The table for the kind of measurement of another one, to be compared with it.
-
-        The noise is the other's, too: it is no limit, and without it sweeps have no limits.
-        """
-        keys = ("sweeps", "traces", "noise_floor", "relative_noise")
-        return replace(
-            self, keys=replace(self.keys, **{name: getattr(other.keys, name) for name in keys})
-        )
-
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenCandidates(Keys):
@@ -342,46 +339,43 @@ def read_candidates(path: Path) -> DesignTable:
 
 
 def refuse_wider(
-    limits: Limits,
-    own: Limits,
-    table: DesignTable,
-    where: Callable[[str], str],
-    amplitude_unit: str,
+    limits: Limits, own: DesignTable, where: Callable[[str], str], amplitude_unit: str
 ) -> None:
     """Refuse limits that go beyond what the campaign states of its instrument.
 
     Args:
         limits: that are to hold.
-        own: the campaign's.
-        table: the campaign's [design]; what it leaves out is no limit.
+        own: the campaign's [design]; what it leaves out is no limit.
         where: place of a key of `limits`, for errors.
         amplitude_unit: the detector's.
 
     Raises:
         BadInput: one is wider.
     """
+    keys = own.keys
+    largest = None if keys.largest is None else positive_in(keys.largest, amplitude_unit)
     for key, value, most, unit in (
-        ("levels", max(limits.levels), max(own.levels), ""),
-        ("largest", limits.largest_v, own.largest_v, amplitude_unit),
-        ("farthest", limits.farthest_hz, own.farthest_hz, "Hz"),
-        ("least_spacing", -limits.least_spacing_hz, -own.least_spacing_hz, "Hz"),
+        ("levels", max(limits.levels), max(keys.levels or [math.inf]), ""),
+        ("largest", limits.largest_v, largest or math.inf, amplitude_unit),
+        ("farthest", limits.farthest_hz, keys.farthest or math.inf, "Hz"),
+        ("least_spacing", -limits.least_spacing_hz, -(keys.least_spacing or 0.0), "Hz"),
     ):
-        if key in table.written and value - most > ROUNDING * abs(most):
+        if value > most + ROUNDING * abs(most):
             wanted = "at most" if most > 0.0 else "at least"
             high, low = (f"{abs(v):.9g} {unit}".rstrip() for v in (value, most))
             raise BadInput(
-                f"{where(key)}: found {high}, wanted {wanted} the {low} of {table.where(key)}"
+                f"{where(key)}: found {high}, wanted {wanted} the {low} of {own.where(key)}"
             )
-    if "phases" in table.written and limits.phases and not own.phases:
+    if limits.phases and keys.phases is False:
         raise BadInput(
-            f"{where('phases')}: found true, wanted false as in {table.where('phases')}: the "
+            f"{where('phases')}: found true, wanted false as in {own.where('phases')}: the "
             "detector measures none"
         )
-    more = [name for name in limits.outputs if name not in own.outputs]
-    if "outputs" in table.written and more:
+    outputs = keys.outputs or limits.outputs
+    for name in set(limits.outputs) - set(outputs):
         raise BadInput(
-            f"{where('outputs')}: '{more[0]}' is none of those of {table.where('outputs')}, wanted "
-            f"some of {', '.join(own.outputs)}"
+            f"{where('outputs')}: '{name}' is none of those of {own.where('outputs')}, wanted some "
+            f"of {', '.join(outputs)}"
         )
 
 
@@ -401,11 +395,11 @@ def check_names(
     binder = _binder(variables, controls)
     for name in limits.outputs:
         binder.real(name, "limits: outputs", READABLE, "observed")
-    for name, values in limits.settings.items():
-        for value in values:
-            _setting(binder, name, Written(value, None, f"limits: settings '{name}'"))
     for name in limits.setting_sigmas:
         binder.real(name, "limits: setting_sigmas", SETTABLE, "set")
+    for name, values in limits.settings.items():
+        where = f"limits: settings '{name}'"
+        _settings(binder, {name: [Written(value, None, where) for value in values]})
 
 
 def _binder(
@@ -417,11 +411,155 @@ def _binder(
     return binder
 
 
-def _setting(binder: Binder, name: str, written: Written) -> Scalar:
-    """A value to try; a plain number is in the unit of the control quantity."""
-    plain = written.unit is None and not isinstance(written.value, str)
-    unit = binder.control_units.get(name) if plain else written.unit
-    return binder.setting(name, replace(written, unit=unit))
+def _settings(
+    binder: Binder, written: Mapping[str, Sequence[Written]]
+) -> dict[str, tuple[Scalar, ...]]:
+    """Values to try, by name; a plain number is in the unit of the control quantity."""
+    result = {}
+    for name, values in written.items():
+        own = binder.control_units.get(name)
+        is_plain = [v.unit is None and not isinstance(v.value, str) for v in values]
+        pairs = zip(values, is_plain, strict=True)
+        result[name] = tuple(
+            binder.setting(name, replace(v, unit=own) if plain else v) for v, plain in pairs
+        )
+    return result
+
+
+# --- what new measurements continue -------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Continued:
+    """The measurement of a `table` of the campaign, whose records new ones are like."""
+
+    table: str
+    kind: Any
+
+    @property
+    def records(self) -> Sequence[Any]:
+        """All of them, as they were measured."""
+        return tuple(self.kind.records)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the records."""
+        return tuple(record.label for record in self.records)
+
+    @property
+    def unit(self) -> str:
+        """Of the values of sweeps, or of the first trace."""
+        is_sweep = isinstance(self.kind, ControlSweep)
+        return str(self.kind.unit if is_sweep else self.records[0].unit)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What is measured at every point of a sweep."""
+        return ("amplitude",) if isinstance(self.kind, ControlSweep) else ("X", "Y")
+
+    def with_controls(self, controls: Mapping[str, Scalar]) -> dict[str, Scalar]:
+        """Settings of the last sweep, some of them others.
+
+        Args:
+            controls: values by name.
+
+        Raises:
+            BadInput: an unknown control.
+        """
+        settings = dict(self.records[-1].settings)
+        for name in controls:
+            if name not in settings:
+                raise BadInput(
+                    f"[design] sweeps: '{name}' is no control of [{self.table}]; wanted some of "
+                    f"{', '.join(settings)}"
+                )
+        return {**settings, **controls}
+
+    def repeatable(self, labels: Sequence[str], where: str) -> list[TimeRecord]:
+        """The traces of these names, of one unit, each of a kind that can be repeated.
+
+        Args:
+            labels: names, one at least.
+            where: what errors name.
+
+        Raises:
+            BadInput: an unknown name, several units, a drive from an unknown start, amplitudes
+                without phases.
+        """
+        result = []
+        for label in labels:
+            if label not in self.labels:
+                known = ", ".join(filter(None, self.labels)) or "a single one without a name"
+                raise BadInput(
+                    f"{where}: '{label}' is no trace of [[{self.table}]]; wanted some of {known}"
+                )
+            record = self.records[self.labels.index(label)]
+            name = f"trace '{label}'" if label else "the trace"
+            if isinstance(record, DemodulatedRecord) and record.is_amplitude:
+                raise BadInput(
+                    f"{where}: {name} has amplitudes without phases, and recordings of X and Y are "
+                    "proposed; wanted records with phases, by their names in 'of'"
+                )
+            driven = isinstance(record, TraceRecord) and record.driven is not None
+            if driven and record.has_unknown_start:
+                raise BadInput(
+                    f"{where}: {name} is driven from an unknown start, of which nothing is known "
+                    "in a new recording; wanted ringdowns, or traces from rest, by their names in "
+                    "'of'"
+                )
+            result.append(record)
+        units = dict.fromkeys(record.unit for record in result)
+        if len(units) > 1:
+            raise BadInput(
+                f"{where}: the traces have values in {listed(units)}; wanted traces of one unit, "
+                "by their names in 'of'"
+            )
+        return result
+
+
+def required(bound: BoundCampaign, tables: Mapping[str, type[Together[Any]]]) -> Continued:
+    """What a campaign has of some kinds, of the first that it has.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        tables: `SWEEPS` or `TRACES`.
+
+    Raises:
+        BadInput: it has none.
+    """
+    for table, kind in tables.items():
+        if isinstance(bound.measurements.get(table), kind):
+            return Continued(table, bound.measurements[table])
+    kind_name = "sweeps" if tables is SWEEPS else "traces"
+    names = " or ".join(f"[[{n}]]" if tables is TRACES else f"[{n}]" for n in tables)
+    raise BadInput(
+        f"{bound.path}: [design] {kind_name}: has no table {names}, which could be continued; "
+        f"wanted one, or no {kind_name}"
+    )
+
+
+def longest_s(record: TimeRecord) -> float:
+    """How long a recording like a trace may be, s: as its recorded inputs, else any time.
+
+    Args:
+        record: a trace.
+    """
+    if not isinstance(record, TraceRecord):
+        return math.inf
+    ends = [float(w.time_s[-1]) for w in record.waveforms.values() if isinstance(w, Recorded)]
+    return min(ends, default=math.inf) - float(record.t[0])
+
+
+def unit_of(bound: BoundCampaign, limits: Limits) -> str:
+    """Of the values that would be measured.
+
+    Args:
+        bound: the campaign that is to be continued.
+        limits: of the instrument.
+    """
+    if limits.traces is not None:
+        return required(bound, TRACES).repeatable(limits.traces.of, "limits: traces")[0].unit
+    return bound.amplitude_unit if limits.sweeps is None else required(bound, SWEEPS).unit
 
 
 # --- from the table to limits -------------------------------------------------------------------
@@ -453,8 +591,9 @@ def limits_of(
     keys, measured = table.keys, set(bound.measurements)
     alone = not (bound.experiments or bound.sweep or table.written & {*OF_TONES, "centres"})
     by_itself = alone and keys.sweeps is None and keys.traces is None
+    has_sweeps = any(isinstance(bound.measurements.get(t), kind) for t, kind in SWEEPS.items())
     try:
-        if keys.sweeps is not None or (by_itself and continued(bound, SWEEPS)):
+        if keys.sweeps is not None or (by_itself and has_sweeps):
             limits = _of_sweeps(bound, variables, table)
         elif keys.traces is not None or (by_itself and measured and measured <= set(TRACES)):
             limits = _of_traces(bound, table)
@@ -483,7 +622,7 @@ def _of_tones(
     table: DesignTable,
     read: tuple[Combination, ...],
 ) -> Limits:
-    keys, drive, sweep = table.keys, bound.setup.drive, bound.sweep
+    keys, drive, sweep, unit = table.keys, bound.setup.drive, bound.sweep, bound.amplitude_unit
     if drive.kind == "none":
         raise BadInput(
             f"{bound.path}: has no [drive], wanted one: tones are proposed where [design] asks for "
@@ -508,7 +647,7 @@ def _of_tones(
     own = _own_grid(bound, centres) if None in grid else (1.0, 1.0, 1.0)
     step, spacing, farthest = (value or usual for value, usual in zip(grid, own, strict=True))
     # noise that is declared, else the peaks' median, else the scatter about the sweep's maximum
-    noise, unit = bound.noise.absolute_v, bound.amplitude_unit
+    noise = bound.noise.absolute_v
     sigmas = np.concatenate([np.zeros(0), *(e.sigmas_v for e in bound.experiments)])
     known = sigmas[np.isfinite(sigmas) & (sigmas > 0.0)]
     if noise == 0.0 and known.size:
@@ -538,11 +677,8 @@ def _of_tones(
         noise_floor_v=_amplitude(keys.noise_floor, unit, noise),
         relative_noise=relative if keys.relative_noise is None else keys.relative_noise,
         largest_v=_amplitude(keys.largest, unit, largest),
-        settings={
-            name: tuple(_setting(binder, name, written) for written in values)
-            for name, values in keys.settings.items()
-        },
-        setting_sigmas=_setting_sigmas(bound, variables, table),
+        settings=_settings(binder, keys.settings),
+        setting_sigmas=_setting_sigmas(bound, binder, table),
         tones=tones,
         lines=() if all(line.order == 1 for line in read) else read,
         phases=has_phases if keys.phases is None else keys.phases,
@@ -552,88 +688,74 @@ def _of_tones(
 def _outputs(
     bound: BoundCampaign, variables: Mapping[str, FmuVariable], table: DesignTable
 ) -> tuple[str, ...]:
+    """Those of the table, else the observed ones and outputs of the same unit named alike."""
     if table.keys.outputs is not None:
         for name in table.keys.outputs:
             Binder(variables).real(name, table.where("outputs"), READABLE, "observed")
         return table.keys.outputs
     observed = bound.setup.output
-
-    def shape(name: str) -> str:
-        return re.sub(r"\d+", "#", name)
-
-    alike = [
+    alike = re.compile(re.sub(r"\d+", r"\\d+", re.escape(observed)))
+    others = [
         name
         for name, v in variables.items()
-        if v.causality == "output"
-        and v.unit == variables[observed].unit
-        and shape(name) == shape(observed)
+        if v.causality == "output" and v.unit == variables[observed].unit and alike.fullmatch(name)
     ]
     used = [observed, *(e.output for e in bound.experiments if e.output)]
-    return tuple(dict.fromkeys([*used, *alike]))
+    return tuple(dict.fromkeys([*used, *others]))
 
 
 def _centres(
     bound: BoundCampaign, variables: Mapping[str, FmuVariable], table: DesignTable
 ) -> tuple[float, ...]:
-    """Resonances in Hz: as written, or what drifts and the sweep's maximum, or the drive's mean."""
+    """Resonances in Hz: as written, else what drifts, the sweep's maximum or the drive's mean."""
+    sweep, ends = bound.sweep, bound.drift.ends.items()
     if table.keys.centres is not None:
         return tuple(sorted(in_unit(written, "Hz") for written in table.keys.centres))
-    centres = [
+    centres = sorted(
         convert(after, variables[name].unit or "Hz", "Hz", where="[drift]")
-        for name, (_, after) in bound.drift.ends.items()
+        for name, (_, after) in ends
         if same_kind(variables[name].unit or "1", "Hz")
-    ]
-    sweep = bound.sweep
-    if sweep is not None:
-        top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v).frequency_hz
-        reach = 2.0 * half_power_width(sweep.frequency_hz, sweep.amplitude_v)
-        reach += max((abs(b - a) for a, b in bound.drift.ends.values()), default=0.0)
-        if all(abs(top - f) > reach for f in centres):
-            centres.append(top)
+    )
+    if not centres and sweep is not None:
+        centres = [laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v).frequency_hz]
     if not centres and bound.experiments:
-        centres.append(float(np.mean([f for e in bound.experiments for f in e.tones_hz])))
+        centres = [float(np.mean([f for e in bound.experiments for f in e.tones_hz]))]
     if not centres:
         raise BadInput(f"{table.where('centres')}: wanted frequencies to place the tones around")
-    return tuple(sorted(centres))
+    return tuple(centres)
 
 
 def _own_grid(bound: BoundCampaign, centres: tuple[float, ...]) -> tuple[float, float, float]:
     """Step, least spacing and farthest detuning of the campaign's own tones, Hz."""
-    tones = sorted({round(f) for e in bound.experiments for f in e.tones_hz})
-    steps = [b - a for a, b in pairwise(tones)]
-    if not steps:  # a tenth of a line width, down to one digit: a number that a dial shows
-        width, sweep = bound.setup.line_width_hz, bound.sweep
-        if width is None and sweep is not None:
-            width = half_power_width(sweep.frequency_hz, sweep.amplitude_v)
-        if width is None:
+    pairs = [sorted(e.tones_hz) for e in bound.experiments]
+    tones, sweep = sorted({round(f) for pair in pairs for f in pair}), bound.sweep
+    if len(tones) < 2:  # a tenth of a line width, down to one digit: a number that a dial shows
+        width = bound.setup.line_width_hz
+        if width is None and sweep is None:
             raise BadInput(
                 f"{bound.path}: [design]: wanted frequency_step, least_spacing and farthest: "
                 "neither drive frequencies nor a sweep determine them"
             )
-        place = 10.0 ** math.floor(math.log10(0.1 * width))
-        step = math.floor(0.1 * width / place) * place
+        if width is None and sweep is not None:
+            width = half_power_width(sweep.frequency_hz, sweep.amplitude_v)
+        digit = f"{0.1 * float(width or 0.0):.17e}"
+        step = float(digit[0] + digit[digit.index("e") :])
         return step, 2.0 * step, 15.0 * step
-    spacings = [b - a for e in bound.experiments for a, b in pairwise(sorted(e.tones_hz))]
-    farthest = max(0.5 * (max(e.tones_hz) - min(e.tones_hz)) for e in bound.experiments)
+    spacings = [b - a for pair in pairs for a, b in pairwise(pair)]
+    farthest = max(0.5 * (pair[-1] - pair[0]) for pair in pairs)
     if not spacings:  # single tones: how far they are from the nearest resonance
         farthest = max(min(abs(f - c) for c in centres) for f in tones)
-    step = max(float(math.gcd(*steps)), farthest / 50.0)
+    step = max(float(np.gcd.reduce(np.diff(tones))), farthest / 50.0)
     return step, min(spacings, default=step), max(farthest, 2.0 * step)
 
 
-def _setting_sigmas(
-    bound: BoundCampaign, variables: Mapping[str, FmuVariable], table: DesignTable
-) -> dict[str, float]:
+def _setting_sigmas(bound: BoundCampaign, binder: Binder, table: DesignTable) -> dict[str, float]:
     """Errors of what is set to the value that is assumed, by FMU variable."""
-    sigmas = {
-        name: OFF_THE_LINE * abs(after - before)
-        for name, (before, after) in bound.drift.ends.items()
-        if after != before
-    }
+    ends = bound.drift.ends.items()
+    sigmas = {name: OFF_THE_LINE * abs(after - before) for name, (before, after) in ends}
     for parameter in bound.offsets:  # that the campaign fits: their own prior
         if parameter.prior_sigma is not None:
             sigmas.update(dict.fromkeys(parameter.adds_to, parameter.prior_sigma))
-    binder = Binder(variables)
     for name, written in table.keys.setting_sigma.items():
         variable = binder.real(name, written.where, SETTABLE, "set")
         sigmas[name] = in_unit(written, variable.unit, difference=True)
@@ -642,7 +764,7 @@ def _setting_sigmas(
     return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
 
 
-def _refuse_keys(bound: BoundCampaign, table: DesignTable, kind: str, keys: frozenset[str]) -> None:
+def _refuse_keys(bound: BoundCampaign, table: DesignTable, kind: str, keys: set[str]) -> None:
     """Refuse keys that mean nothing for a kind, and what is fitted to each of its records."""
     for key in sorted(keys & table.written):
         raise BadInput(
@@ -662,7 +784,8 @@ def _of_sweeps(
 ) -> Limits:
     like, keys = required(bound, SWEEPS), table.keys
     _refuse_keys(bound, table, "sweeps", OF_TONES)
-    if like.table == "control_sweep" and any(np.any(s.level != 1.0) for s in like.records):
+    is_control = isinstance(like.kind, ControlSweep)
+    if is_control and any(np.any(s.level != 1.0) for s in like.records):
         raise BadInput(
             f"{table.where('sweeps')}: the spectra of [{like.table}] have a drive of their own; "
             "wanted sweeps with one amplitude of the drive"
@@ -674,24 +797,45 @@ def _of_sweeps(
         centres = tuple(in_unit(written, "Hz") for written in keys.centres)
     requested, controls = keys.sweeps or WrittenSweeps(controls={}), {}
     if keys.sweeps is None:  # values of the controls so far, some over the whole range of each
-        most = max(2, round(TRIED ** (1.0 / max(1, len(like.last)))))
-        for name in like.last:
+        names = like.with_controls({})
+        most = max(2, round(TRIED ** (1.0 / max(1, len(names)))))
+        for name in names:
             values = sorted({s.settings[name] for s in like.records}, key=float)
             some = np.unique(np.round(np.linspace(0, len(values) - 1, most)).astype(int))
             controls[name] = tuple(values[k] for k in some)
     else:
-        like.require_controls(requested.controls, table.where("sweeps"))
+        like.with_controls(dict.fromkeys(requested.controls, 0.0))
         binder = _binder(variables, like.kind.units, bound.setup.laws.names)
-        for name, written in requested.controls.items():
-            controls[name] = tuple(_setting(binder, name, each) for each in written)
+        controls = _settings(binder, requested.controls)
     sweeps = SweepLimits(
         span_hz=requested.span or last - first,
         points=requested.points or max(s.u_hz.size for s in like.records),
         controls=controls,
     )
     step_hz = sweeps.span_hz / (sweeps.points - 1)
-    largest = max(float(np.max(np.abs(s.y))) for s in like.records)
-    floor, relative = _noise_of_sweeps(like, table, largest)
+    # sigma^2 = floor^2 + (relative A)^2 over the measured points, where it is stated; the median of
+    # what the sweeps' scatter shows elsewhere
+    amplitude = np.concatenate([np.abs(s.y) for s in like.records])
+    if is_control:
+        sigma = np.concatenate([s.sigmas for s in like.records])
+        is_estimated = like.kind.estimated
+    else:
+        each = [np.full(c.y.size, c.sigma or c.scatter()) for c in like.records]
+        sigma, is_estimated = np.concatenate(each), any(c.sigma == 0.0 for c in like.records)
+    largest = float(np.max(amplitude))
+    parts = np.array([float(np.median(sigma / largest)), 0.0])
+    if not is_estimated:
+        matrix = np.column_stack([np.ones(amplitude.size), (amplitude / largest) ** 2])
+        squares = np.linalg.lstsq(matrix, (sigma / largest) ** 2, rcond=None)[0]
+        parts = np.sqrt(np.maximum(squares, 0.0))
+        parts[parts < NO_NOISE * parts.max()] = 0.0
+    floor = _amplitude(keys.noise_floor, like.unit, float(f"{largest * float(parts[0]):.9g}"))
+    relative = float(parts[1]) if keys.relative_noise is None else keys.relative_noise
+    if not (floor > 0.0 or relative > 0.0):
+        raise BadInput(
+            f"{table.where('noise_floor')}: is not there and [{like.table}] states no noise; "
+            "wanted that of a point of a sweep"
+        )
     return Limits(
         outputs=(like.kind.output_of(like.records[-1]),),
         centres_hz=centres,
@@ -705,47 +849,21 @@ def _of_sweeps(
     )
 
 
-def _noise_of_sweeps(like: Continued, table: DesignTable, largest: float) -> tuple[float, float]:
-    """Noise of a point of a sweep, and the part of it that is a share of the amplitude.
-
-    Least squares of sigma^2 = floor^2 + (relative A)^2 over the measured points, where it is
-    stated; the median of what the sweeps' scatter shows elsewhere.
-    """
-    keys, sigma = table.keys, like.sigmas()
-    squares = np.array([float(np.median(sigma / largest)) ** 2, 0.0])
-    if not like.is_estimated:
-        amplitude = np.concatenate([np.abs(s.y) for s in like.records])
-        matrix = np.column_stack([np.ones(amplitude.size), (amplitude / largest) ** 2])
-        squares = np.linalg.lstsq(matrix, (sigma / largest) ** 2, rcond=None)[0]
-    parts = np.sqrt(np.maximum(squares, 0.0))
-    parts[parts < NO_NOISE * parts.max()] = 0.0
-    floor = _amplitude(keys.noise_floor, like.unit, float(f"{largest * float(parts[0]):.9g}"))
-    relative = float(parts[1]) if keys.relative_noise is None else keys.relative_noise
-    if not (floor > 0.0 or relative > 0.0):
-        raise BadInput(
-            f"{table.where('noise_floor')}: is not there and [{like.table}] states no noise; "
-            "wanted that of a point of a sweep"
-        )
-    return floor, relative
-
-
 def _of_traces(bound: BoundCampaign, table: DesignTable) -> Limits:
     like, keys = required(bound, TRACES), table.keys
     requested = keys.traces or WrittenTraces()
     _refuse_keys(bound, table, "traces", NOT_OF_TRACES)
     of = tuple(dict.fromkeys(requested.of or like.labels))
-    records = repeatable(like, of, table.where("traces"))
-    unit, lengths = records[0].unit, requested.lengths
+    records = like.repeatable(of, table.where("traces"))
+    unit, lengths, samples = records[0].unit, requested.lengths, requested.samples
     if lengths is None:
         longest = max((record.y.size - 1) * record.spacing_s for record in records)
         # of a recorded input no more is known than was recorded
         endless = max(map(longest_s, records)) == math.inf
         lengths = tuple(share * longest for share in LENGTHS if share <= 1.0 or endless)
-    samples = requested.samples
     if samples is None:
         samples = min(round(HEADROOM * max(r.y.size for r in like.records)), MOST_SAMPLES)
     observed = max(float(np.max(np.abs(record.y))) for record in records)
-    spacings = {r.label: tuple(sorted(set(requested.spacings or (r.spacing_s,)))) for r in records}
     return Limits(
         outputs=tuple(dict.fromkeys(like.kind.output_of(record) for record in records)),
         noise_floor_v=_amplitude(keys.noise_floor, unit, 0.0),
@@ -754,7 +872,9 @@ def _of_traces(bound: BoundCampaign, table: DesignTable) -> Limits:
         traces=TraceLimits(
             of=of,
             lengths_s=tuple(sorted(set(lengths))),
-            spacings_s=spacings,
+            spacings_s={
+                r.label: tuple(sorted(set(requested.spacings or (r.spacing_s,)))) for r in records
+            },
             samples=samples,
         ),
     )

@@ -9,9 +9,8 @@ from pathlib import Path
 
 from fitting.text.arrays import Scalar
 from fitting.text.records import read_json, write_json
-from fitting.text.tables import csv_text
 
-NAME, WAYS_NAME = "design.json", "ways.json"
+NAME = "design.json"
 
 
 @dataclass(frozen=True)
@@ -113,10 +112,12 @@ class PlacePoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prospect:
-    """What further measurements are compared for, by a `criterion`.
+class Design:
+    """A proposal for the next measurements, compared by a `criterion`.
 
-    `before`: the target's error with the data so far; `sentences`: assumptions.
+    `before`: the target's error with the data so far; `spread`: its standard deviation over
+    `equal_fits` points that fit equally well, `valueless` of them without a value; `sentences`:
+    assumptions; `limits` in words.
     """
 
     title: str
@@ -126,17 +127,6 @@ class Prospect:
     criterion: str
     before: Expected
     sentences: tuple[str, ...]
-    provenance: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Design(Prospect):
-    """A proposal for the next measurements.
-
-    `spread`: the target's standard deviation over `equal_fits` points that fit equally well,
-    `valueless` of them without a value; `limits` in words.
-    """
-
     campaign: str
     amplitude_unit: str
     spread: float
@@ -149,6 +139,7 @@ class Design(Prospect):
     setups: int
     candidates: int
     limits: Mapping[str, str] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_of_sweeps(self) -> bool:
@@ -166,88 +157,17 @@ class Design(Prospect):
         return self.before.mean / self.proposals[-1].expected.mean if self.proposals else 1.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Way:
-    """One way to use the time: its duration and the target's expected error.
-
-    `counts`: its measurements by kind, of a mixture several kinds.
-    """
-
-    name: str
-    counts: Mapping[str, int]
-    takes_s: float
-    expected: Expected
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ways(Prospect):
-    """Ways to use `time_s`, s, that of the least expected error first."""
-
-    time_s: float
-    ways: tuple[Way, ...]
-
-    @property
-    def best(self) -> Way:
-        """The one with the least expected error."""
-        return self.ways[0]
-
-
-def write_design(design: Design | Ways, folder: Path) -> Path:
-    """Write `design.json`, or `ways.json` of several ways, into a folder, whole or not at all.
+def write_design(design: Design, folder: Path) -> Path:
+    """Write `design.json` into a folder, whole or not at all.
 
     Args:
         design: what is written.
         folder: where it goes.
     """
-    path = folder / (NAME if isinstance(design, Design) else WAYS_NAME)
-    write_json(path, design)
-    return path
+    write_json(folder / NAME, design)
+    return folder / NAME
 
 
 def read_design(path: Path) -> Design:
     """Read design.json back; raises BadInput naming the key that is wrong."""
     return read_json(path, Design)
-
-
-def read_ways(path: Path) -> Ways:
-    """Read ways.json back; raises BadInput naming the key that is wrong."""
-    return read_json(path, Ways)
-
-
-def design_csv(design: Design) -> str:
-    """The proposals as CSV text, a row each below that of the data so far, units in the header."""
-    unit, amplitude = design.unit or "1", design.amplitude_unit or "1"
-    rows = [_cells(p, amplitude) for p in design.proposals]
-    ends = [f"sigma of {design.target} {where} ({unit})" for where in ("here", "mean", "worst")]
-    table = [["rank", *(rows[0] if rows else ()), *ends]]
-    table.append(["0", *[""] * (len(table[0]) - 4), *_numbers(design.before)])
-    for p, cells in zip(design.proposals, rows, strict=True):
-        table.append([str(p.rank), *cells.values(), *_numbers(p.expected)])
-    return csv_text(table)
-
-
-def _cells(p: Proposal, amplitude: str) -> dict[str, str]:
-    """Cells of a proposal by the heads of their columns."""
-    if p.recording is not None:
-        r = p.recording
-        cells = {"trace": r.trace, "output": p.output, "length (s)": repr(r.length_s)}
-        cells |= {"spacing (s)": repr(r.spacing_s), "samples": str(r.samples)}
-        return cells | {
-            f"largest ({amplitude})": repr(p.peaks_v[0]),
-            f"sigma ({amplitude})": repr(p.sigmas_v[0]),
-        }
-    heads = [f"tone {i + 1} (Hz)" for i in range(len(p.tones_hz))]
-    if p.points:
-        heads = ["first frequency (Hz)", "last frequency (Hz)"]
-    cells = dict(zip(heads, map(repr, p.tones_hz), strict=True))
-    cells |= {"points": str(p.points)} if p.points else {}
-    cells |= {"resonance (Hz)": repr(p.centre_hz), "output": p.output, "level": repr(p.level)}
-    cells |= {name: str(value) for name, value in p.settings.items()}
-    cells["spectra"] = str(p.repeats)
-    for name, values in (("peak", p.peaks_v), ("sigma", p.sigmas_v)):
-        cells |= {f"{name} {i + 1} ({amplitude})": repr(v) for i, v in enumerate(values)}
-    return cells
-
-
-def _numbers(e: Expected) -> list[str]:
-    return ["" if math.isnan(v) else repr(v) for v in (e.at, e.mean, e.worst)]

@@ -24,7 +24,7 @@ from fitting.fit.linearisation import (
     row_sigmas,
     whitened,
 )
-from fitting.fit.noise import fitted_noise
+from fitting.fit.noise import fitted_noise, noise_of
 from fitting.fit.objective import (
     Objective,
     Point,
@@ -35,7 +35,8 @@ from fitting.fit.objective import (
     make_objective,
 )
 from fitting.fit.outputs import mean, output_means
-from fitting.fit.problem import problem_of
+from fitting.fit.problem import PlannedFmu, problem_of
+from fitting.fit.problem import Problem as Record
 from fitting.inference.likelihood.knowledge import Inferred, Values
 from fitting.result.provenance import require_same_data
 from fitting.result.result import Result, read_result
@@ -49,7 +50,9 @@ __all__ = [
     "Linearisation",
     "Objective",
     "Parameter",
+    "PlannedFmu",
     "Point",
+    "Record",
     "Result",
     "RowCovariance",
     "Stencil",
@@ -67,6 +70,7 @@ __all__ = [
     "known_values",
     "make_objective",
     "mean",
+    "noise_of",
     "one_thread",
     "output_means",
     "planning_points",

@@ -46,7 +46,7 @@ def starts_of(design: Design, names: Sequence[str]) -> list[np.ndarray]:
 
 def gradient_at(laboratory: Laboratory, p: np.ndarray, target: str) -> np.ndarray:
     """Of the target in x, central differences through the FMU."""
-    response = laboratory.series[0].response(laboratory.bound.alternatives[0])
+    response = laboratory.series[0].planned.response(laboratory.bound.alternatives[0])
     moves = [(i, s) for i in range(len(p)) for s in (1.0, -1.0)]
     h = 1e-4 * np.array([q.scale for q in laboratory.bound.parameters])
     nodes = [p + sign * h * np.eye(len(p))[i] for i, sign in moves]
@@ -83,14 +83,14 @@ def follow(design: Design, args: argparse.Namespace, folder: Path) -> bool:
     values, squares, expected = [], [], float("nan")
     with FmuWorkers(fmu, workers=2) as workers:
         for seed in range(1, args.laboratories + 1):
-            laboratory = Laboratory(bench, plan, seed, folder, workers)
+            laboratory = Laboratory(bench, plan, seed, folder, workers, errors)
             if seed == 1:
                 g = gradient_at(laboratory, truth, design.target)
-                expected = laboratory.expected(truth, g, errors)
-                response = laboratory.series[0].response(laboratory.bound.alternatives[0])
+                expected = laboratory.expected(truth, g)
+                response = laboratory.series[0].planned.response(laboratory.bound.alternatives[0])
                 true = float(np.mean(response.derived_many([truth])[0][design.target]))
             names = [parameter.name for parameter in laboratory.bound.parameters]
-            found = laboratory.refit(starts_of(design, names), design.target, errors)
+            found = laboratory.refit(starts_of(design, names), design.target)
             values.append(found.target)
             squares.append(found.chi_square)
     known = np.array([v for v in values if np.isfinite(v)])

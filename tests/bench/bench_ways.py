@@ -3,8 +3,8 @@
     python -m tests.bench.bench_ways out/cmp [--laboratories 100] [--first 1]
     python -m tests.bench.bench_ways --candidates FOLDER
 
-OUT is what `fmu-fit design CAMPAIGN --candidates ... --candidates ... --time ... --out OUT` wrote
-for a crossing of `synthesize --series crossing --reference`. Each laboratory measures its own map
+Each folder in OUT is what `fmu-fit design CAMPAIGN --candidates ... --time ...` wrote for one of
+`synthesize --series crossing --reference`. Each laboratory measures its own map
 and its own sweep for the scale, then each plan. Map and plan are fitted together by least squares
 through the closed form of `tests.support.crossing_refit`, which shares no code with fit or FMU.
 Prints a Markdown table: the error of lambda that was promised, and the one that was found.
@@ -18,15 +18,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.design.result import read_ways
+from fitting.design.result import read_design
 from tests.support.crossing_refit import LAMBDA, refitted
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def plans_of(folder: Path) -> list[Path]:
-    """Campaigns of a way: one, or one of each kind that is mixed."""
-    return sorted(folder.glob("campaign/campaign.toml")) + sorted(folder.glob("*/campaign/*.toml"))
 
 
 def write_candidates(folder: Path) -> None:
@@ -54,9 +49,12 @@ def main() -> None:
         write_candidates(args.out)
         return
     seeds = range(args.first, args.first + args.laboratories)
-    found = read_ways(args.out / "ways.json")
-    rows: list[tuple[str, float, list[Path]]] = [("so far", found.before.at, [])]
-    rows += [(way.name, way.expected.at, plans_of(args.out / way.name)) for way in found.ways]
+    found = {p.parent: read_design(p) for p in sorted(args.out.glob("*/design.json"))}
+    first = next(iter(found.values()))
+    rows: list[tuple[str, float, list[Path]]] = [("so far", first.before.at, [])]
+    for folder, design in found.items():
+        plans = [folder / "campaign" / "campaign.toml"]
+        rows.append((folder.name, design.proposals[-1].expected.at, plans))
     print("| way | promised, mHz | found, mHz | mean error, mHz |\n|---|---|---|---|")
     for name, promised, plans in rows:
         errors = np.array([refitted(plans, seed) - LAMBDA for seed in seeds])

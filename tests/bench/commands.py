@@ -229,8 +229,11 @@ COMMANDS = (
         before=(
             "python -m tests.bench.bench_ways --candidates out",
             "python -m fitting synthesize --series crossing --reference --seed 3 --out out/map",
-            "python -m fitting design out/map/campaign.toml --candidates out/tones.toml "
-            "--candidates out/sweeps.toml --time 1min --out out/ways",
+            *(
+                f"python -m fitting design out/map/campaign.toml --candidates out/{kind}.toml "
+                f"--time 1min --out out/ways/{kind}"
+                for kind in ("tones", "sweeps")
+            ),
         ),
     ),
     Command("windows", "ranges about one of two lines", smoke="2", quick=True),

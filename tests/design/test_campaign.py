@@ -114,6 +114,7 @@ def designed(tones: int) -> tuple[Design, Limits]:
         setups=1,
         candidates=1,
         sentences=(),
+        provenance={"command": "a test"},
     )
     limits = Limits(
         outputs=("q1_hybrid",),
@@ -137,7 +138,7 @@ def designed(tones: int) -> tuple[Design, Limits]:
 def rewritten_campaign(bound: BoundCampaign, tones: int) -> str:
     design, limits = designed(tones)
     folder = bound.path.parent / "next" / "campaign"
-    files = campaign_files(design, bound, {}, limits, folder, "a test")
+    files = campaign_files(design, bound, {}, limits, folder)
     return str(files["campaign.toml"])
 
 

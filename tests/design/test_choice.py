@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from fitting.design.choice import DesignProblem, choose, losses, ordered, target_sigmas
+from fitting.design.weighing import DesignProblem, choose, losses, ordered, target_sigmas
 from fitting.text.choices import CRITERIA
 from tests.support.exhaustive import exhaustive
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.design.api import NextMeasurements
+from fitting.design.api import NextMeasurements, screen_lines
 from fitting.design.limits import Limits
-from fitting.design.proposal import screen_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support import crossing_spectra
 
@@ -130,6 +129,5 @@ def test_a_model_that_describes_nothing_is_said_to(fmu: ff.Fmu, tmp_path: Path) 
     made = designed(fmu, path)
     assert isinstance(made.limits, Limits)
     said = " ".join(screen_lines(made.design, verbose=True)).replace("\u00a0", " ")
-    assert " 512 points" in said
     assert " times the " in said
     assert "--at " in said

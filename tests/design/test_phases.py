@@ -16,9 +16,9 @@ from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.file import WrittenDesign
 from fitting.campaign.parameters import to_search
 from fitting.design.campaign import campaign_files
-from fitting.design.information import Place, Series
+from fitting.design.candidates import ToneCandidates
+from fitting.design.information import Place, WhitenedData
 from fitting.design.limits import DesignTable, Limits, limits_of, refuse_wider
-from fitting.design.tones import ToneCandidates
 from fitting.fmu.pool import FmuWorkers
 from fitting.lab.instruments import LockIns
 from fitting.measurements.tones import ComplexTones
@@ -27,6 +27,7 @@ from fitting.text.errors import BadInput
 from fitting.text.results_folder import write_all
 from fitting.text.schema import read_record
 from tests.design.test_campaign import designed
+from tests.support.design_laboratories import so_far
 from tests.support.modes_mpmath import log_responses
 
 TRUTH = np.array([1.9498, 120.0, 90.0])
@@ -71,7 +72,7 @@ def test_a_detector_tells_phases_where_the_campaign_has_some_or_says_so(
     assert limits_from(replace(bound, experiments=amplitudes), workers, phases=True).phases
     table = DesignTable(Path("x.toml"), WrittenDesign(phases=False), frozenset({"phases"}))
     with pytest.raises(BadInput, match=r"phases: found true, .*x\.toml"):
-        refuse_wider(replace(off, phases=True), off, table, str, "V")
+        refuse_wider(replace(off, phases=True), table, str, "V")
 
 
 def test_rows_and_information_of_setups_with_phases(
@@ -83,11 +84,11 @@ def test_rows_and_information_of_setups_with_phases(
     count = len(bound.parameters)
     x = to_search(bound.parameters, np.append(TRUTH, np.zeros(count - 3)))
     place = Place({"reflection": False}, x)
-    series = Series(bound, workers, steps=np.full(count, 1e-4))
-    made = ToneCandidates(series, limits, place)
+    data = so_far(bound, workers)
+    made = ToneCandidates(data, limits, place)
     [rows] = made.rows(place)
     setups, picked = made.choices[::7], slice(None, None, 7)
-    eta = made.series_of(setups).bound.experiments[0].settings
+    eta = made.measured(setups).tones[0].experiments[0].settings
 
     assert bound.sweep is not None
     swept = (
@@ -133,15 +134,15 @@ def test_information_of_complex_data_is_that_of_their_rows(
 ) -> None:
     """Two rows for each value; the reference phase, solved inside, is taken out of them."""
     count = len(bound.parameters)
-    series = Series(bound, workers, steps=np.full(count, 1e-4))
+    data = so_far(bound, workers)
     x = to_search(bound.parameters, np.append(TRUTH, np.zeros(count - 3)))
-    rows = series.linearised(Place({"reflection": False}, x), {})
-    columns = rows.columns
-    assert columns.shape == (20, count + 1)
-    assert rows.covariance.row_sigma == pytest.approx(0.01, rel=1e-6)
-    assert rows.information == pytest.approx(1e4 * columns.T @ columns, rel=1e-6, abs=1e-3)
-    turned = columns[:, :-1].T @ np.repeat([0.0, 1.0], 10)
-    assert np.max(np.abs(turned)) < 0.05 * np.max(np.abs(columns[:, :-1]))
+    place = Place({"reflection": False}, x)
+    white = WhitenedData.weighed_at(data, place, np.ones(count))
+    assert white.covariance.sigma == pytest.approx(0.01, rel=1e-6)
+    [rows] = white.at([place])
+    assert rows.matrix.shape == (20, count)
+    turned = rows.matrix.T @ np.repeat([0.0, 1.0], 10)
+    assert np.max(np.abs(turned)) < 0.05 * np.max(np.abs(rows.matrix))
 
 
 def test_the_proposed_campaign_asks_for_both_quadratures(swift_fmu: Path, tmp_path: Path) -> None:
@@ -153,7 +154,7 @@ def test_the_proposed_campaign_asks_for_both_quadratures(swift_fmu: Path, tmp_pa
     design, limits = designed(2)
     bound = ff.Problem.of(tmp_path / "old" / "campaign.toml", ff.Fmu(swift_fmu)).record.together
     folder = tmp_path / "next"
-    files = campaign_files(design, bound, {}, replace(limits, phases=True), folder, "a test")
+    files = campaign_files(design, bound, {}, replace(limits, phases=True), folder)
     experiments = tomllib.loads(str(files["campaign.toml"]))["experiments"]
     assert experiments["x"] == ["X_1", "X_2"]
     assert experiments["unknown"] == "phase"

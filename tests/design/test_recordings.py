@@ -16,11 +16,10 @@ import pytest
 
 import fitting as ff
 from fitting.cli.main import main
-from fitting.design.api import NextMeasurements
-from fitting.design.information import Place, Series
+from fitting.design.api import NextMeasurements, screen_lines
+from fitting.design.candidates import RecordingCandidates
+from fitting.design.information import DataSoFar, Place
 from fitting.design.limits import Limits, TraceLimits
-from fitting.design.proposal import screen_lines
-from fitting.design.recordings import RecordingCandidates, recording_choices
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.cfmu_build import build_c_fmu, build_lag_fmu
 from tests.support.demodulated import demodulated
@@ -154,21 +153,21 @@ def proposed(fmu: ff.Fmu, path: Path) -> NextMeasurements:
 
 def rows_at(
     fmu: ff.Fmu, path: Path, wanted: TraceLimits, x: FloatArray | None = None
-) -> tuple[list[FloatArray], Series]:
+) -> list[FloatArray]:
     """Information in the search vector of every candidate at a place, noise SIGMA."""
     problem = ff.Problem.of(ff.read_campaign(path), fmu)
     bound = problem.record.together
     limits: Limits = replace(ff.limits(problem), traces=wanted)
-    series = Series(bound, fmu.workers, refined=True)
+    data = DataSoFar(problem.record, problem.planned, problem.objective.steps)
     scales = np.array([q.scale for q in bound.parameters])
     references = np.array([q.reference for q in bound.parameters])
     at = np.zeros(2) if x is None else (x - references) / scales
     place = Place(bound.alternatives[0], at)
-    made = RecordingCandidates(series, limits, place)
+    made = RecordingCandidates(data, limits, place)
     sigma = np.full((1, 1), SIGMA)
     found = np.concatenate([rows.information(sigma) for rows in made.rows(place)])
     assert np.all(found[:, -1] == 0.0)
-    return list(found[:, :-1, :-1] / np.outer(scales, scales)), series
+    return list(found[:, :-1, :-1] / np.outer(scales, scales))
 
 
 def test_a_long_ringdown_says_what_its_cramer_rao_bound_says(beam: ff.Fmu, tmp_path: Path) -> None:
@@ -179,7 +178,7 @@ def test_a_long_ringdown_says_what_its_cramer_rao_bound_says(beam: ff.Fmu, tmp_p
     """
     path = written(tmp_path / "x", beam, ring(OLD_T))
     wanted = TraceLimits(of=("",), lengths_s=(0.32,), spacings_s={"": (STEP_S,)}, samples=4000)
-    [found], _ = rows_at(beam, path, wanted, TRUTH)
+    [found] = rows_at(beam, path, wanted, TRUTH)
     bound = 4.0 * SIGMA / SIZE * np.sqrt(RATE**3 * STEP_S)
     rates = np.array([2.0 * MASS, 2.0 * MASS * np.sqrt(K / MASS)])  # d(c, k)/d(rate, 2 pi f)
     assert np.sqrt(np.diag(np.linalg.inv(found))) == pytest.approx(bound * rates, rel=0.01)
@@ -195,7 +194,7 @@ def test_any_length_and_spacing_says_what_numpy_says(
     wanted = TraceLimits(
         of=("",), lengths_s=(0.5 * length_s, length_s), spacings_s={"": (step_s,)}, samples=4000
     )
-    found, _ = rows_at(beam, path, wanted, TRUTH)
+    found = rows_at(beam, path, wanted, TRUTH)
     assert len(found) == 2
     for each, seconds in zip(found, wanted.lengths_s, strict=True):
         exact = informed(times(seconds, step_s))
@@ -507,7 +506,7 @@ def test_lengths_of_as_many_samples_are_one_recording(beam: ff.Fmu, tmp_path: Pa
     wanted = TraceLimits(
         of=("",), lengths_s=(0.02, 0.02004, 0.03), spacings_s={"": (STEP_S,)}, samples=4000
     )
-    found = recording_choices(bound, replace(ff.limits(problem), traces=wanted))
+    found = RecordingCandidates.choices_of(bound, replace(ff.limits(problem), traces=wanted))
     assert [c.recording.samples for c in found if c.recording is not None] == [201, 301]
     unknown = replace(wanted, of=("x",), spacings_s={"x": (STEP_S,)})
     with pytest.raises(ff.BadInput, match=r"traces: 'x'"):

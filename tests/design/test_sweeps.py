@@ -12,9 +12,8 @@ import pytest
 from scipy.special import ive
 
 import fitting as ff
-from fitting.design.api import NextMeasurements
+from fitting.design.api import NextMeasurements, screen_lines
 from fitting.design.information import Rows
-from fitting.design.proposal import screen_lines
 from fitting.text.arrays import ComplexArray, FloatArray
 from tests.support.modal_workers import phasors
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 
-from fitting.design.proposal import proposal_table, screen_lines
-from fitting.design.result import design_csv
+from fitting.design.api import proposal_table, screen_lines
+from fitting.extension.report import csv_text, table
 from tests.support import plot_records
 from tests.support import plots as plot
 
@@ -20,6 +20,7 @@ def test_a_design_without_units_has_no_empty_brackets() -> None:
     labels = [text for one in axes for text in (one.get_xlabel(), one.get_ylabel())]
     plt.close(figure)
     heads = [head.text for head in proposal_table(design).heads]
-    for text in (*screen_lines(design), *labels, *heads, design_csv(design)):
+    rows = csv_text(table("design/csv", design=design))
+    for text in (*screen_lines(design), *labels, *heads, rows):
         assert "()" not in text
         assert "( " not in text

@@ -14,10 +14,10 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.parameters import search_bounds, to_model, to_search
-from fitting.design.information import Place, Series, prior_sigmas_in_box
-from fitting.fit.covariance import RowCovariance
+from fitting.design.information import DataSoFar, Place, prior_sigmas_in_box
 from fitting.fit.linearisation import information
 from fitting.fit.objective import evaluate_many, jacobian_of, stencil
+from fitting.fit.problem import plan_problem, problem_of
 from fitting.fmu.pool import FmuWorkers
 from fitting.lab.bench import Bench, measure
 from fitting.lab.synthesis import synthesize
@@ -31,9 +31,11 @@ STEPS = 30
 ALIKE = 0.1
 
 
-def dense(covariance: RowCovariance) -> FloatArray:
-    """V as an array, (m, m)."""
-    return np.asarray(np.diag(covariance.sigma**2) + covariance.common @ covariance.common.T)
+def so_far(bound: BoundCampaign, workers: FmuWorkers, step: float = 1e-4) -> DataSoFar:
+    """What a campaign measured, with steps in x."""
+    problem = problem_of([bound])
+    steps = np.full(len(problem.parameters), step)
+    return DataSoFar(problem, plan_problem(problem, workers), steps)
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,13 @@ class Laboratory:
     """One laboratory: its own first series and the plan, both measured with a seed of their own."""
 
     def __init__(
-        self, bench: Bench, plan: Path, seed: int, folder: Path, workers: FmuWorkers
+        self,
+        bench: Bench,
+        plan: Path,
+        seed: int,
+        folder: Path,
+        workers: FmuWorkers,
+        errors: dict[str, float],
     ) -> None:
         first, second = folder / f"first{seed}", folder / f"second{seed}"
         write_all(first, campaign_files(measure(bench, seed), "a benchmark"))
@@ -62,17 +70,25 @@ class Laboratory:
         self.bound: BoundCampaign = bounds[0]
         # references come from a series' own sweep: one search vector for both
         bounds = [replace(bound, parameters=self.bound.parameters) for bound in bounds]
-        steps = np.full(len(self.bound.parameters), 1e-5)
-        self.series = [Series(bound, workers, steps=steps) for bound in bounds]
-        self.prior = prior_sigmas_in_box(self.bound.parameters)
+        self.series = [so_far(bound, workers, 1e-5) for bound in bounds]
+        self.prior, self.errors = prior_sigmas_in_box(self.bound.parameters), errors
 
-    def covariance(self, place: Place, errors: dict[str, float]) -> FloatArray:
-        """V of all rows: both series', and the error of the scale that they share."""
-        blocks = [dense(s.linearised(place, errors).covariance) for s in self.series]
-        m, n = len(blocks[0]), len(blocks[1])
-        whole = np.zeros((m + n, m + n))
-        whole[:m, :m], whole[m:, m:] = blocks
-        return whole + self.series[0].scale_sigma ** 2
+    def covariance(self, place: Place) -> FloatArray:
+        """V of all rows: peaks, drift of every experiment, and the scale that both series share."""
+        sizes = [s.problem.data.sigma.size for s in self.series]
+        whole, begin = np.full((sum(sizes), sum(sizes)), self.series[0].scale_sigma ** 2), 0
+        for series, size in zip(self.series, sizes, strict=True):
+            data = series.problem.data
+            _, around, nodes = series.moved(place, data, self.errors)
+            moved = around.quotients([node.residuals for node in nodes])[:, place.x.size :]
+            [tones] = data.tones
+            lines = [len(e.read_hz) for e in tones.experiments]
+            owner = np.repeat(np.arange(len(lines)), lines)
+            alike = owner[:, None] == owner
+            mine = slice(begin, begin + size)
+            whole[mine, mine] += np.diag(data.sigma**2) + alike * (moved @ moved.T)
+            begin += size
+        return whole
 
     def rows(self, place: Place) -> tuple[FloatArray, FloatArray]:
         """Residuals and their Jacobian in x of both series."""
@@ -84,14 +100,14 @@ class Laboratory:
             found.append((here.residuals, jacobian_of(around, nodes)))
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
-    def expected(self, p: FloatArray, gradient: FloatArray, errors: dict[str, float]) -> float:
+    def expected(self, p: FloatArray, gradient: FloatArray) -> float:
         """sqrt(g^T (F + P)^-1 g) at parameters p for a gradient in x."""
         place = Place(self.bound.alternatives[0], to_search(self.bound.parameters, p))
-        found = information(self.rows(place)[1], self.covariance(place, errors))
+        found = information(self.rows(place)[1], self.covariance(place))
         whole = found + np.diag(self.prior**-2.0)
         return float(np.sqrt(gradient @ np.linalg.solve(whole, gradient)))
 
-    def refit(self, starts: Sequence[FloatArray], target: str, errors: dict[str, float]) -> Refit:
+    def refit(self, starts: Sequence[FloatArray], target: str) -> Refit:
         """Least squares over both series from several parameters, the best end of them.
 
         Of ends that fit alike (theta and theta + pi/2 with d1 and d2 swapped are one damping
@@ -101,19 +117,19 @@ class Laboratory:
         ends = []
         for p in starts:
             x = np.clip(to_search(self.bound.parameters, p), lower, upper)
-            square, place = self._descend(x, errors)
+            square, place = self._descend(x)
             found = to_model(self.bound.parameters, place.x)
-            derived = self.series[0].response(place.alternative).derived_many([found])[0]
+            derived = self.series[0].planned.response(place.alternative).derived_many([found])[0]
             ends.append(Refit(found, square, float(np.mean(derived[target]))))
         least = min(end.chi_square for end in ends)
         alike = [end for end in ends if end.chi_square <= least + ALIKE]
         return min(alike, key=lambda end: (np.isnan(end.target), end.chi_square))
 
-    def _descend(self, x: FloatArray, errors: dict[str, float]) -> tuple[float, Place]:
+    def _descend(self, x: FloatArray) -> tuple[float, Place]:
         """Levenberg-Marquardt in units of the prior, V at the start and again at the first end."""
         place, square = Place(self.bound.alternatives[0], np.array(x)), np.inf
         for _ in range(2):
-            factor = np.asarray(np.linalg.cholesky(self.covariance(place, errors)), dtype=float)
+            factor = np.asarray(np.linalg.cholesky(self.covariance(place)), dtype=float)
             square, place = self._levenberg(place, factor)
         return square, place
 

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from fitting.design.choice import DesignProblem, losses
+from fitting.design.weighing import DesignProblem, losses
 
 
 def exhaustive(problem: DesignProblem, number: int, criterion: str) -> list[int]:
