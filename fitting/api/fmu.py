@@ -18,7 +18,6 @@ from fitting.api.early import DRIVE_FILES, SWEEP_FILES
 from fitting.api.printed import written
 from fitting.api.request import USUAL_TONES, drive_request, sweep_request
 from fitting.campaign.bound import Drive as WantedDrive
-from fitting.campaign.file import WrittenFmu
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.fmu.description import (
     FmuDescription,
@@ -28,7 +27,7 @@ from fitting.fmu.description import (
     read_description,
 )
 from fitting.fmu.isolation import Isolate, Isolation
-from fitting.fmu.models import provide_fmu
+from fitting.fmu.models import built_model
 from fitting.fmu.pool import FmuWorkers
 from fitting.report.simulation import write_drive, write_sweep
 from fitting.report.table import html_table, table
@@ -183,7 +182,7 @@ class Fmu:
     def _built(self, model: str) -> Path:
         scratch = Scratch()
         weakref.finalize(self, scratch.remove)
-        return provide_fmu(WrittenFmu(model=model, native=self._native), scratch.path)
+        return built_model(model, scratch.path, native=self._native)
 
     @property
     def description(self) -> FmuDescription:

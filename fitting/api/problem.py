@@ -28,7 +28,7 @@ from fitting.fit.options import Options, options_of
 from fitting.fit.problem import PlannedFmu, plan_problem, problem_of
 from fitting.fit.problem import Problem as Record
 from fitting.fmu.isolation import Isolate
-from fitting.fmu.models import provide_fmu
+from fitting.fmu.models import built_model
 from fitting.fmu.parameter_set import SetValue, read_parameter_set
 from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.dataset import part_of
@@ -431,8 +431,8 @@ def fmu_of(
     named = one_fmu(campaigns)
     named = replace(named, native=named.native or (native and named.model is not None))
     source: str | Path = named.file or str(named.model)
-    if folder is not None:
-        source = provide_fmu(named, folder)
+    if folder is not None and named.file is None:
+        source = built_model(str(named.model), folder, native=named.native)
     return Fmu(
         source,
         workers,

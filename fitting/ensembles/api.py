@@ -21,9 +21,8 @@ from fitting.ensembles import FILES, ITEMS_FILE
 from fitting.ensembles.item import EnsembleOptions, Item, Kept, Laboratories, digests, solved
 from fitting.ensembles.report import csv_of, document, markdown, write_report
 from fitting.ensembles.result import FAILED, FINISHED, INTERRUPTED, Ensemble, EnsembleRow
-from fitting.extension.fmu import NeededFile, Where, opened, provide_fmu, run
+from fitting.extension.fmu import NeededFile, Where, built_model, opened, run
 from fitting.extension.problem import known_values, require_values
-from fitting.extension.records import WrittenFmu
 from fitting.lab.writer import CAMPAIGN_NAME
 from fitting.text.errors import BadInput
 from fitting.text.journal import Journal
@@ -341,9 +340,9 @@ class _Sources:
         if isinstance(given, Fmu):
             self._given = NeededFile.of(given.description.file)
         elif given is not None:
-            model = isinstance(given, str) and given.isidentifier()
-            named = WrittenFmu(model=str(given)) if model else WrittenFmu(file=Path(given))
-            self._given = NeededFile.of(provide_fmu(named, built))
+            is_model = isinstance(given, str) and given.isidentifier()
+            file = built_model(str(given), built) if is_model else Path(given)
+            self._given = NeededFile.of(file)
 
     def of_campaign(self, path: Path) -> NeededFile | str:
         """The FMU of a campaign file, as far as that can be read."""
@@ -368,8 +367,7 @@ class _Sources:
             return f"{path}: [fmu]: names neither a model nor a file"
         if key not in self._known:
             try:
-                named = WrittenFmu(model=key[0], file=place)
-                self._known[key] = NeededFile.of(provide_fmu(named, self._built))
+                self._known[key] = NeededFile.of(place or built_model(str(model), self._built))
             except BadInput as error:
                 self._known[key] = f"{error}"
         return self._known[key]

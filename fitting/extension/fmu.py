@@ -12,7 +12,7 @@ from fitting.fmu.description import (
     read_description,
     validation_problems,
 )
-from fitting.fmu.models import provide_fmu
+from fitting.fmu.models import built_model
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Handling, Run, SampledSignal, Segment
 from fitting.measurements.late import is_late
@@ -30,12 +30,12 @@ __all__ = [
     "SampledSignal",
     "Segment",
     "Where",
+    "built_model",
     "fmu_of",
     "is_late",
     "opened",
     "opened_fmu",
     "place_of",
-    "provide_fmu",
     "read_description",
     "run",
     "validation_problems",

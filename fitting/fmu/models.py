@@ -1,4 +1,4 @@
-"""The models that this project ships: which FMU a campaign means, built where it names a model."""
+"""The models that this project ships, built where a campaign names one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Protocol
 
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -25,38 +24,20 @@ _ahead: dict[tuple[str, bool], Future[Path]] = {}
 _log = logging.getLogger(__name__)
 
 
-class FmuSource(Protocol):
-    """An FMU as a campaign names it: a file, or else a model of this project."""
-
-    @property
-    def model(self) -> str | None:
-        """Name of a model that is built on demand."""
-
-    @property
-    def file(self) -> Path | None:
-        """Path of an FMU file."""
-
-    @property
-    def native(self) -> bool:
-        """Whether the model is compiled, where there is a compiler."""
-
-
-def provide_fmu(source: FmuSource, cache: Path) -> Path:
-    """Path of the campaign's FMU: the file it names, or the model it names, built into `cache`.
+def built_model(model: str, cache: Path, *, native: bool = False) -> Path:
+    """Path of the FMU of a model of this project, built into `cache`.
 
     The build is reproducible and takes a second, so it is made anew every time: what is driven is
     what the sources are.
 
     Args:
-        source: the FMU of the campaign.
+        model: its name.
         cache: folder for FMUs that are built.
+        native: whether it is compiled, where there is a compiler.
 
     Raises:
         BadInput: the builder is not there, or the builder's own complaint.
     """
-    if source.file is not None:
-        return source.file
-    model, native = str(source.model), source.native
     # in a thread, because an interrupt within a start of a process would leave that process running
     with Scratch() as folder, ThreadPoolExecutor(1) as thread:
         ahead = _ahead.get((model, native))
@@ -67,7 +48,7 @@ def provide_fmu(source: FmuSource, cache: Path) -> Path:
 
 @contextmanager
 def built_ahead(campaigns: Sequence[Path], *, native: bool = False) -> Iterator[None]:
-    """Build the models that campaigns name while whoever reads them loads; for `provide_fmu`.
+    """Build the models that campaigns name while whoever reads them loads; for `built_model`.
 
     Args:
         campaigns: their files; who reads them finds what is wrong with one.
@@ -115,9 +96,7 @@ def rebuilt(
             return None
         if same.read_bytes() != fmu.read_bytes():
             return None
-        words = [*like, "--name", name, "--history", history]
-        if start_values:
-            words.append("--set")
+        words = [*like, "--name", name, "--history", history, *["--set"] * bool(start_values)]
         for variable, value in start_values.items():
             text = str(value).lower() if isinstance(value, bool) else repr(value)
             words.append(f"{variable}={text}")

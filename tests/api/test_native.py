@@ -10,7 +10,7 @@ import pytest
 
 import fitting as ff
 from fitting.campaign.file import WrittenFmu
-from fitting.fmu.models import provide_fmu
+from fitting.fmu.models import built_model
 from fitting.text.schema import Refused
 
 MODEL = "CoupledOscillator"
@@ -35,7 +35,7 @@ def test_without_a_compiler_the_model_is_that_of_python(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with ff.Fmu(provide_fmu(WrittenFmu(model=MODEL, native=True), tmp_path), 1) as fmu:
+    with ff.Fmu(built_model(MODEL, tmp_path, native=True), 1) as fmu:
         assert "PythonFMU" in fmu.description.generation_tool
 
 

@@ -39,7 +39,7 @@ from fitting.campaign.parameters import starts, to_search
 from fitting.fit.objective import Objective, evaluate_many, make_objective, stencil
 from fitting.fit.problem import problem_of
 from fitting.fmu.accuracy import read_accuracy_annotation
-from fitting.fmu.models import provide_fmu
+from fitting.fmu.models import built_model
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Run
 from fitting.measurements.fmu_response import FmuResponse
@@ -305,7 +305,8 @@ def measure(campaign: Path, evaluations: int, count: int) -> bool:
     """Print the table; whether every promise was kept."""
     read = read_campaign(campaign)
     with tempfile.TemporaryDirectory() as folder:
-        fmu = provide_fmu(read.file.fmu, Path(folder))
+        named = read.file.fmu
+        fmu = named.file or built_model(str(named.model), Path(folder))
         with FmuWorkers(fmu) as workers:
             bound = bind(read, workers.description.variables)
             peaks = sum(e.peaks_v.size for e in bound.experiments)
