@@ -20,7 +20,6 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from fitting.campaign import BoundCampaign
 from fitting.campaign.laws import in_base
@@ -576,6 +575,9 @@ def check_missing_lines(solved: Solved) -> Iterator[Finding]:
     adequacy = solved.adequacy
     if adequacy is None or (adequacy.describes and not adequacy.is_correlated) or solved.causes:
         return
+    # it loads scipy.stats, which most fits need not
+    from scipy.signal import find_peaks
+
     data, residuals, lines = solved.data, solved.solution.final.residuals, []
     for m, at in zip(data.measurements, data.slices, strict=True):
         for curve in m.residual_curves(residuals[at]):
