@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from fitting.draft.document import LIST, Answers, Ask, Draft, Question
@@ -12,7 +13,7 @@ from fitting.draft.model import TWO_MODES, opened_offer
 from fitting.draft.records import INPUT, OUTPUT, records_draft
 from fitting.draft.sweeps import NOISE, sweeps_draft, table_of, with_units
 from fitting.resonance.reading import Columns
-from fitting.text.errors import BadInput
+from fitting.text.errors import BadInput, gathered
 from fitting.text.notation import listed
 from fitting.text.results_folder import results_folder, write_whole
 
@@ -155,7 +156,8 @@ def _of_frequency(
         names = listed(str(table.path) for table in tables)
         raise BadInput(f"{names}: are tables of experiments, wanted one in a campaign")
     others = [path for path in paths if path not in [table.path for table in tables]]
-    given = [(path, with_units(path, columns, answers)) for path in others]
+    units = gathered([partial(with_units, path, columns, answers) for path in others])
+    given = list(zip(others, units, strict=True))
     control = answers.one("control")
     if not tables and (control is not None or NOISE not in answers.requested.get("kind", ())):
         joint = fmu is not None and fmu != TWO_MODES

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--kind",
         choices=("noise", "sweep"),
-        help="of amplitudes over frequency (by unit and name)",
+        help="of amplitudes over frequency (by unit, name and scatter)",
     )
     declare(parser, {"--demodulated-at": {}})
     parser.add_argument(

@@ -16,7 +16,6 @@ mode 1 shows, so that the ridge follows it where both are far from each other.
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import math
 import re
@@ -44,8 +43,6 @@ from fitting.draft.document import (
 )
 from fitting.draft.model import Box, Offer, Starts, box_of
 from fitting.extension.records import Channel
-from fitting.lines.line import line_of
-from fitting.lines.trace import trace_of
 from fitting.measurements.control_tables import FILE
 from fitting.resonance.control_map import TABLES, ControlMap
 from fitting.resonance.file_control import (
@@ -98,6 +95,8 @@ OTHER_SLOPES = (0.0, -2.0, -1.0, -0.5, 0.5)
 #: A square of the control counts from this fall of the sum of squares, a second mode from that one,
 #: and where each of its three numbers gains so many times what noise would.
 BENT, SECOND, BEYOND_NOISE = 0.8, 0.9, 10.0
+#: Turns of a cable over a sweep, at most, and steps for each; its share of the sum of squares.
+MOST_TURNS, STEPS, CABLE = 40, 16, 0.8
 #: Exponents of the logarithms of gap and widths stay below it.
 LARGEST = 50.0
 
@@ -533,18 +532,27 @@ def _response(
     return np.asarray(1.0 / (one - coupling / two))
 
 
-def _phases_of(file: MapFile) -> tuple[bool, bool]:
-    """Whether an instrument counts phases the other way, and whether a cable turns them.
-
-    As most of its spectra show it that have one line.
-    """
-    found = []
-    for f, values in file.spectra:
-        with contextlib.suppress(BadInput):
-            line = line_of(trace_of(f, values, "1"))
-            found.append((line.phases_reversed, line.forms[0].delayed))
-    is_reversed, is_delayed = np.mean(found or [(False, False)], axis=0) > 0.5
-    return bool(is_reversed), bool(is_delayed)
+def _phases_of(crossing: Crossing, file: MapFile) -> tuple[bool, bool]:
+    """Whether an instrument counts phases the other way, and whether a cable turns them."""
+    all_hz = np.concatenate([f for f, _ in file.spectra])
+    fewest = min(f.size for f, _ in file.spectra)
+    turns = min(MOST_TURNS, fewest // 2) * STEPS
+    delays = np.arange(-turns, turns + 1) / (STEPS * float(np.ptp(all_hz)))
+    # share of the squares that a gain of each spectrum takes, as they are and reversed, (2, delays)
+    shares = np.zeros((2, delays.size))
+    controls = file.control_map.settings[:, 0].tolist()
+    for control, (f, values) in zip(controls, file.spectra, strict=True):
+        places = [float(polyval(control, law)) for law in (crossing.law, crossing.other)]
+        places = places if crossing.tuned == 1 else places[::-1]
+        made = _response(f, places, crossing.widths_hz, crossing.coupling_hz**4)
+        turning = np.exp(2j * np.pi * np.outer(delays, f - f[0]))
+        power = np.sum(np.abs(made) ** 2) * np.sum(np.abs(values) ** 2)
+        for k, each in enumerate((values, np.conj(values))):
+            shares[k] += np.abs(turning @ (each * np.conj(made))) ** 2 / power
+    plain, reverse = 1.0 - shares / len(controls)
+    is_reversed = float(np.min(reverse)) < float(np.min(plain))
+    left = reverse if is_reversed else plain
+    return is_reversed, bool(np.min(left) < CABLE * left[turns])
 
 
 def _exceeds_noise(crossing: Crossing, spectra: Spectra) -> bool:
@@ -599,7 +607,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
         boxes += [offer.box(name, 0.0, why, reach=10.0) for name in SHARES]
     else:
         shared, start["g2"] = False, (0.0, "it drives mode 1 alone, a guess")
-    rotated, delayed = _phases_of(file) if file.roles.is_complex else (False, False)
+    rotated, delayed = _phases_of(crossing, file) if file.roles.is_complex else (False, False)
 
     # the tables
     name, roles = TABLES[file.roles.is_complex], file.roles
@@ -650,13 +658,11 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
 def _suited(file: MapFile, offer: Offer, answers: Answers) -> tuple[Channel, tuple[str, ...]]:
     """The control, if a law can have it, and outputs that show mode 1 of an FMU of two modes."""
     known = offer.variables
-    places = tuple(name for name in offer.places if name[:1] == "f")
-    hertzes = all(n in known and same_kind(known[n].unit or "1", "Hz") for n in PAIR)
-    driven = any(frequency == "u1" for frequency, _ in offer.tones)
-    still = all(name in known for name in STILL)
     outputs = tuple(name for name in OUTPUTS if name in offer.outputs)
-    is_pair = hertzes and still and driven and offer.steady and places == PAIR[:2]
-    if not (is_pair and outputs):
+    hertzes = all(name in known and same_kind(offer.unit(name), "Hz") for name in PAIR)
+    if not (
+        hertzes and {*STILL} <= {*known} and "u1" in dict(offer.tones) and offer.steady and outputs
+    ):
         why = f"{offer.name} is no FMU of two modes with {listed(PAIR)} in Hz"
         raise file.refused(why, drafted=True)
     for key in ("fit", "tone", "input"):

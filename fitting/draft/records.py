@@ -18,7 +18,6 @@ then follow with c = 1, where no detector is between.
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -222,21 +221,26 @@ def _demodulated(
             return []
     except BadInput:
         return []  # another reader names the error
-    demodulated = []
+    demodulated, missing = [], list[str]()
     for path in paths:
+        roles = None
         try:
             roles = decay_roles_of(path, columns)
             record = read_decay_of(path, columns)
         except BadInput as error:
+            if roles is not None and roles.is_complex:
+                raise
             if not is_alone:
                 return []  # FMI counts in seconds, and programs that run FMUs write no units
-            missing = list(error.args)
-            with contextlib.suppress(BadInput):  # with units it may lack its reference, too
+            try:  # with units it is a record of a decay, which may lack its reference, too
                 known = replace(columns, unit_time="s", unit_phase="deg")
                 record = read_decay_of(path, known)
-                if record.kind == PHASORS and not math.isfinite(record.reference_hz):
-                    missing.append(_question_of(path).why)
-            raise BadInput(*missing) from error
+            except BadInput:
+                return []  # another reader names the error
+            missing += error.args
+            if record.kind == PHASORS and not math.isfinite(record.reference_hz):
+                missing.append(_question_of(path).why)
+            continue
         # swings, or a further column that moves, are what no demodulator shows
         names = [c.name for c in roles.all]
         others = [c for c in roles.recording.channels if c.name not in names]
@@ -246,6 +250,8 @@ def _demodulated(
         if record.kind not in (PHASORS, AMPLITUDES) or moving or swings or whole:
             return []
         demodulated.append((record, roles))
+    if missing:
+        raise BadInput(*missing)
     return demodulated
 
 

@@ -34,6 +34,7 @@ import numpy as np
 
 from fitting.campaign.instruments.roles import (
     DENSITY,
+    HOLDS,
     OBSERVED_UNITS,
     ROOT,
     Density,
@@ -111,6 +112,13 @@ from fitting.text.units import same_kind
 
 NOISE = "noise"
 SEPARATE, COUPLED, DRIVEN = MODELS = ("separate", "coupled", "driven")
+#: Gain of the logarithm of the likelihood from which the scatter shows noise, span of the lines
+#: over their floor below which it does not, and the least share of itself by which it scatters.
+LEAST_GAIN, SPAN, SHARE = 10.0, 3.0, 0.05
+#: Mean square of steps between residuals over that of these: 2 of noise, 0 of a smooth misfit.
+ROUGH = 1.0
+#: How much less a density has to scatter than its root, where the unit is that of amplitudes.
+PLAINLY = 1.5
 #: The column that makes a table one of experiments, and what columns of errors begin with.
 LABEL, SIGMA_PREFIXES = "experiment", ("s_", "sigma", "std", "err")
 PHASE_UNITS = ("deg", "rad", "°")
@@ -339,29 +347,78 @@ def _pattern(table: TableFile, sweeps: Sequence[SweepFile]) -> str:
     )
 
 
-def sweep_of(path: Path, columns: Columns, kind: str | None) -> SweepFile:
+def _guessed(roles: Roles, frequency_hz: FloatArray) -> tuple[Density, bool] | None:
+    """The density that a column may be without its unit or name, and whether its scatter shows it.
+
+    A density that nothing drives scatters by the same share of itself everywhere, a sweep by the
+    same amount. With m the lines that follow the points y best, the logarithms of the likelihood
+    are
+
+        by a share     -n ln(rms((y - m)/m)) - sum ln m
+        by an amount   -n ln(rms(y - m))
+    """
+    channel = roles.sizes
+    if channel is None or roles.is_complex:
+        return None
+    numbers, unit = roles.recording.numbers(channel), channel.unit or ""
+    levels = unit.startswith("dB")
+    if not levels and np.any(numbers <= 0.0):
+        return None
+    # it is what scatters less, density or root: of a density that is read as a root the squares
+    # scatter twice as much
+    of_amplitudes = any(same_kind(unit, each) for each in OBSERVED_UNITS[:-1])
+    weights = {ROOT: 0.5, DENSITY: PLAINLY if of_amplitudes else 1.0}
+    tried = []
+    for way in HOLDS:
+        density = replace(relative_density(numbers, channel.unit, way), holds=way)
+        with contextlib.suppress(ValueError):
+            lines = noise_spectrum.noise_lines(frequency_hz, density.numbers)
+            if lines is not None:
+                tried.append((weights[way] / math.sqrt(lines.averages), density, lines))
+    if not tried:
+        return None
+    _, density, lines = min(tried, key=lambda each: each[0])
+    curve = np.sqrt(lines.curve) if density.is_root else lines.curve
+    y = relative_density(numbers, unit, DENSITY).numbers if levels else numbers
+    shares = (y - curve) / curve
+    # residuals of another curve follow each other, and are not what points scatter by
+    is_rough = float(np.mean(np.diff(shares) ** 2)) > ROUGH * float(np.mean(shares**2))
+    amount, share = (
+        0.5 * y.size * math.log(float(np.mean(each**2))) for each in (y - curve, shares)
+    )
+    gains = amount - share - float(np.sum(np.log(curve))) > LEAST_GAIN
+    high = float(np.max(curve)) > SPAN * float(np.min(curve))
+    return density, is_rough and gains and high and SHARE**2 * lines.averages < 1.0
+
+
+def sweep_of(path: Path, columns: Columns, answers: Answers) -> SweepFile:
     """A file over frequency as the noise spectrum or the sweep that it is, with its lines.
 
     Args:
         path: of the file.
         columns: what is stated of its columns.
-        kind: "noise" or "sweep"; None: noise where the unit or the name of a column states it.
+        answers: of flags, of a person, or by default, where neither unit nor name shows its kind.
 
     Raises:
-        BadInput: a file that cannot be read, or that is no noise spectrum where it should be.
+        BadInput: a file that cannot be read, or that is no noise spectrum where it should be; an
+            answer that is none.
     """
     roles = roles_of(path, columns)
+    f, kind = hertz_in(roles), answers.one("kind")
     density = None if kind == "sweep" else stated_density(roles)
-    if density is None and kind == NOISE and roles.sizes is not None and not roles.is_complex:
-        unit = roles.sizes.unit or ""
-        way = ROOT if any(same_kind(unit, each) for each in OBSERVED_UNITS[:-1]) else DENSITY
-        density = relative_density(roles.recording.numbers(roles.sizes), unit or None, way)
-        density = replace(density, holds=way)
     # the campaign reads tables of text whose frequencies have a unit in their header
     frequency = roles.recording.find(roles.frequency.name)
     plain = roles.recording.layout == PLAIN and frequency is not None and frequency.unit is not None
-    rising = bool(np.all(np.diff(hertz_in(roles)) > 0.0))
-    if density is not None and plain and rising and np.all(density.numbers > 0.0):
+    plain = plain and bool(np.all(np.diff(f) > 0.0))
+    guessed = _guessed(roles, f) if plain and density is None and kind != "sweep" else None
+    if guessed is not None and (kind or guessed[1]):
+        density = guessed[0]
+        words = f"{path.name}: is it a noise spectrum without a drive, or a sweep of amplitudes?"
+        why = "a guess: its points scatter by the same share of themselves everywhere, as the "
+        why += f"{'root of the density' if density.is_root else 'density'} of noise does"
+        [kind] = answers.choose("kind", (NOISE, "sweep"), [NOISE], why, words)
+        density = density if kind == NOISE else None
+    if density is not None and plain and np.all(density.numbers > 0.0):
         return _noise_of(path, roles, density)
     if kind == NOISE:
         raise BadInput(
@@ -572,7 +629,7 @@ def sweeps_draft(
         FmuFailure: the FMU failed with its own start values.
     """
     # the files, and the first one whose lines are those of the campaign
-    sweeps = gathered([partial(sweep_of, *each, answers.one("kind")) for each in given])
+    sweeps = gathered([partial(sweep_of, *each, answers) for each in given])
     pattern = "" if table is None else _pattern(table, sweeps)
     labels = table.labels if table and pattern else ()
     spectra = [s for s in sweeps if any(x and x in s.path.stem for x in labels)]

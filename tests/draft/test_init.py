@@ -353,6 +353,26 @@ def test_a_table_of_two_tone_peaks_with_its_sweep(tmp_path: Path) -> None:
     assert written["experiments"]["peaks"] == ["z1", "z2"]
 
 
+def test_a_table_of_experiments_with_a_spectrum_each(tmp_path: Path) -> None:
+    table, sweep, peaks = table_of_tones(tmp_path)
+    rows = [row.split(",")[:3] for row in table.read_text("utf-8").splitlines()]
+    table.write_text("".join(",".join(row) + "\n" for row in rows), "utf-8")
+    f = ETA + np.arange(-60.0, 61.0)
+    files = []
+    for (label, *tones), heights in zip(rows[1:], peaks, strict=True):
+        size = np.full(f.size, 1e-4)
+        for u, height in zip(map(float, tones), heights, strict=True):
+            size[f == u] += height
+        files.append(write_csv(tmp_path / f"{label}.csv", "frequency (Hz),R (V)", f, size))
+    path, _ = init([table, sweep, *files], out=tmp_path / "o")
+    written = tomllib.loads(path.read_text("utf-8"))
+    assert written["experiments"]["spectra"] == "../{experiment}.csv"
+    assert written["sweep"]["file"] == "../sweep.csv"
+    assert {p["name"]: p["start"] for p in written["parameters"]}["f1"] == pytest.approx(ETA, abs=1)
+    with pytest.raises(ff.BadInput, match="pair2"):
+        init([table, sweep, *files[:2]], out=tmp_path / "p")
+
+
 def test_an_fmu_alone_gives_a_skeleton_that_tells_what_is_missing(
     cantilever: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

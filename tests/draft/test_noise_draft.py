@@ -12,6 +12,7 @@ import pytest
 import fitting as ff
 from fitting.cli.main import main
 from fitting.draft.api import init
+from fitting.draft.document import Answers
 from fitting.draft.sweeps import sweep_of
 from fitting.resonance.reading import Columns
 from fitting.result.result import read_result
@@ -116,33 +117,43 @@ def nightly(*values: object) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("header", "power", "holds", "kind"),
+    ("header", "power", "holds", "guessed"),
     [
-        nightly("ASD (V/√Hz)", 0.5, "", None),
-        nightly("noise (V/sqrt(Hz))", 0.5, "", None),
-        nightly("level (dBm/Hz)", 0.0, "", None),
-        ("PSD", 1.0, "density", None),
-        nightly("amplitude spectral density", 0.5, "root", None),
-        nightly("S (V)", 0.5, "root", "noise"),
-        ("reading", 1.0, "density", "noise"),
+        nightly("ASD (V/√Hz)", 0.5, "", False),
+        nightly("noise (V/sqrt(Hz))", 0.5, "", False),
+        nightly("level (dBm/Hz)", 0.0, "", False),
+        ("PSD", 1.0, "density", False),
+        nightly("amplitude spectral density", 0.5, "root", False),
+        nightly("S (V)", 0.5, "root", True),
+        ("reading", 1.0, "density", True),
     ],
 )
-def test_unit_name_or_flag_make_a_noise_spectrum(
-    tmp_path: Path, header: str, power: float, holds: str, kind: str | None
+def test_unit_name_or_scatter_tell_a_noise_spectrum(
+    tmp_path: Path, header: str, power: float, holds: str, guessed: bool
 ) -> None:
-    """The same densities, their roots, or levels (power 0)."""
+    """The same densities, their roots, or levels (power 0); a scatter that is a guess is said."""
     f = F_TWO[::2]
     numbers = two_lines(f) ** power if power else 10.0 * np.log10(two_lines(f))
     file = write_csv(tmp_path / "n.csv", f"f (Hz),{header}", f, numbers)
-    taken = sweep_of(file, Columns(), kind)
+    answers = Answers()
+    taken = sweep_of(file, Columns(), answers)
     assert taken.is_noise
     assert taken.density is not None
     assert taken.density.holds == holds
     assert taken.density.is_root is (power == 0.5)
-    assert [line.frequency_hz for line in taken.shown] == pytest.approx([ETA, ETA + 300.0], abs=2.0)
-    if kind:
-        assert not sweep_of(file, Columns(), None).is_noise
-    assert not sweep_of(file, Columns(), "sweep").is_noise
+    places = [line.frequency_hz for line in taken.shown]
+    assert places == pytest.approx([ETA, ETA + 300.0], abs=2.0)
+    assert any(words.startswith("kind: noise") for words in answers.notes) is guessed
+    assert not sweep_of(file, Columns(), Answers(requested={"kind": ("sweep",)})).is_noise
+
+
+def test_a_sweep_with_noise_of_one_size_stays_a_sweep(tmp_path: Path) -> None:
+    f = ETA + np.linspace(-80.0, 80.0, 41)
+    seen = np.abs(mode(f, ETA, WIDTH) + noise(f.size, 3e-2, 1))
+    answers = Answers()
+    taken = sweep_of(write_csv(tmp_path / "s.csv", "f (Hz),S", f, seen), Columns(), answers)
+    assert not taken.is_noise
+    assert not answers.notes
 
 
 def test_phases_are_no_noise_spectrum(tmp_path: Path) -> None:
@@ -150,7 +161,7 @@ def test_phases_are_no_noise_spectrum(tmp_path: Path) -> None:
     seen = mode(f, ETA, WIDTH) + noise(f.size, 1e-2, 1)
     file = write_csv(tmp_path / "s.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
     with pytest.raises(BadInput, match=r"s\.csv"):
-        sweep_of(file, Columns(), "noise")
+        sweep_of(file, Columns(), Answers(requested={"kind": ("noise",)}))
 
 
 def test_a_line_beside_crosstalk_in_dbm_is_no_noise(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -121,3 +122,29 @@ def test_a_person_is_asked_for_units_and_a_script_is_told_the_flag(
         init(path, out=tmp_path / "script")
     with pytest.raises(ff.BadInput, match=r"unit-frequency:.*kHz"):
         init(path, out=tmp_path / "nothing", ask=lambda _: None)
+
+
+def test_all_units_that_files_lack_are_named_at_once(tmp_path: Path) -> None:
+    """Of every file, of the control of a map, and of a lock-in's record."""
+    t = np.arange(600) / 2000.0
+    z = np.exp((-12.0 + 195.0j) * t)
+    f, volt = np.tile(np.linspace(990.0, 1010.0, 41), 3), np.repeat([0.0, 1.0, 2.0], 41)
+    r = 1.0 / np.hypot(f - 1000.0, 2.0)
+    lock_in, map_, sweep = (tmp_path / f"{name}.csv" for name in ("lock_in", "map", "sweep"))
+    for path, head, columns in (
+        (lock_in, "time,R,theta", (t, np.abs(z), np.unwrap(np.angle(z)))),
+        (map_, "V,frequency,amplitude", (volt, f, r)),
+        (sweep, "frequency,amplitude", (f[:41], r[:41])),
+    ):
+        np.savetxt(path, np.column_stack(columns), delimiter=",", header=head, comments="")
+    wanted = {
+        (lock_in,): ["unit-phase", "unit-time", "demodulated-at"],
+        (map_,): ["unit-frequency", "'V'"],
+        (map_, sweep): ["map.*unit-frequency", "'V'", "sweep.*unit-frequency"],
+    }
+    for paths, tokens in wanted.items():
+        with pytest.raises(ff.BadInput) as caught:
+            init(list(paths), out=tmp_path / "o")
+        assert len(caught.value.args) == len(tokens)
+        for text, token in zip(caught.value.args, tokens, strict=True):
+            assert re.search(token, text)
