@@ -29,6 +29,8 @@ SPARE_SAMPLES = 2
 TRIED_SAMPLES = 1000
 #: Sampling steps that are tried for tones without a common period.
 TRIED_STEPS = 400
+#: Lines that are fitted with tones without a common period, at most: more take minutes to plan.
+MOST_FITTED = 100
 #: Largest condition number of a tone fit without a coherent window.
 LARGEST_CONDITION = 3.0
 #: Bits of a binary grain within the length of a run: times on it, and their differences, are
@@ -247,7 +249,9 @@ def _incoherent(
     span = 1.0 / min([*gaps, *tones])  # the mean is a tone of 0 Hz: keep off it as well
     # more than unknowns: lines far from the tones fold to anywhere, and not onto another one
     samples += 3 * len(near_hz)
-    best, best_step = _best_step((*tones, *near_hz), samples, span)
+    best, best_step = math.inf, 0.0
+    if len(near_hz) <= MOST_FITTED:
+        best, best_step = _best_step((*tones, *near_hz), samples, span)
     if best > LARGEST_CONDITION:
         raise BadInput(
             f"drive frequencies {tones} Hz: no sampling distinguishes them (condition {best:.3g}); "

@@ -67,6 +67,9 @@ def test_combinations_that_no_samples_resolve_are_refused_and_those_of_low_order
         drive.window(0.1, 41)
     far = replace(DRIVE, tones_hz=(1.0, 3.0 + 1e-7 * 2.0**0.5))
     assert far.window(0.1, 1, 1.0).expected_hz == ()
+    many = replace(DRIVE, tones_hz=tuple(1000.0 + 10.0 * k**0.5 for k in (0, 1, 2, 3, 5)))
+    assert many.window(0.1).expected_hz == ()
+    assert many.window(0.1).condition < 3.0
 
 
 def test_a_run_has_the_settings_over_the_start_values_and_each_output_once() -> None:
