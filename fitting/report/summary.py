@@ -140,6 +140,8 @@ def with_values(
         withdrawn: whether values that are withdrawn are listed with their reason.
     """
     values, limits, left = [], [], dict[str, FittedEstimate]()
+    # ranges of one unit are printed with one prefix
+    bounded = [v for v in every.values() if v.status is Verdict.BOUNDED]
     statuses: set[Verdict | None] = set()  # None: of a value that is not the profile's
     for name, result in every.items():
         others = (name, *(other for other, first in same.items() if first == name))
@@ -148,10 +150,10 @@ def with_values(
         if printed is None:
             left[name] = result
             if result.status in (Verdict.BOUNDED, Verdict.ABOVE, Verdict.BELOW):
-                limit, remark = (
-                    phrase("values", "limit", result),
-                    phrase("values", "remark", result),
-                )
+                ends = (abs(end) for v in bounded if v.unit == result.unit for end in v.ci95)
+                among = max(filter(math.isfinite, ends), default=0.0)
+                limit = phrase("values", "limit", result, among)
+                remark = phrase("values", "remark", result)
                 limits.append(Printed(name=name, symbols=symbols, text=limit, remark=remark))
             continue
         values.append(printed)

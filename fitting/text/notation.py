@@ -640,19 +640,22 @@ def with_prefix(value: float, unit: str, digits: int = 3, *, signed: bool = Fals
     return f"{text(value / factor, digits)} {times}{shown}".rstrip()
 
 
-def range_words(low: float, high: float, unit: str) -> str:
+def range_words(low: float, high: float, unit: str, among: float = 0.0) -> str:
     """An interval with one unit, or one for each end where they are far apart: "1 Hz–1 kHz".
 
     Args:
         low: lower end.
         high: upper end.
         unit: of both.
+        among: largest end of the ranges of that unit next to it, whose prefix is taken where three
+            places are enough for this one.
     """
     if not (math.isfinite(low) and math.isfinite(high)):
         return "any value"
     if 0.0 < low < _NOTHING * high:
         low = 0.0
-    factor, shown = prefixed(max(abs(low), abs(high)), unit)
+    size = max(abs(low), abs(high))
+    factor, shown = prefixed(among if 1e-3 * among < size < among else size, unit)
     if high - low < 1e-3 * factor or not unit_text(unit):
         factor, shown = 1.0, unit_text(unit)
     if 0.0 < low < 1e-2 * high and shown:

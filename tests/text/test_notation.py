@@ -323,3 +323,11 @@ def test_an_error_has_two_digits(error: float, shown: str) -> None:
 )
 def test_a_share_that_rounds_to_zero_has_no_sign(share: float, text: str) -> None:
     assert notation.percent(share) == text
+
+
+def test_ranges_next_to_each_other_have_one_prefix() -> None:
+    """Not mHz beside Hz; but where three places are not enough each has its own."""
+    assert notation.range_words(-0.405, 0.584, "Hz") == "−405 to 584 mHz"
+    assert notation.range_words(-0.405, 0.584, "Hz", 1.37) == "−0.405 to 0.584 Hz"
+    assert notation.range_words(-1.37, 0.532, "Hz", 1.37) == "−1.37 to 0.532 Hz"
+    assert notation.range_words(0.4, 0.584, "Hz", 7e6) == "400–584 mHz"
