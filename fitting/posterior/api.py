@@ -23,8 +23,6 @@ from fitting.extension.report import (
     table,
     write_page,
 )
-from fitting.lab.names import TRUTH_NAME
-from fitting.lab.true_values import nearest, true_values
 from fitting.posterior import CHAIN_FILE, FILES, LEAST_STEPS, LEAST_WALKERS
 from fitting.posterior.chain import Chain
 from fitting.posterior.summary import (
@@ -44,7 +42,6 @@ from fitting.text.old_names import renamed
 from fitting.text.records import write_json
 from fitting.text.results_folder import remove_earlier, results_folder, write_whole
 from fitting.text.tables import csv_text
-from fitting.text.toml import read_toml
 
 __all__ = [
     "Posterior",
@@ -252,13 +249,11 @@ def posterior_cost(
     chain = Chain(problem, at, sampling.walkers, sampling.steps, sampling.seed)
     before, started = chain.target.evaluations, time.perf_counter()
     chain.target.log(chain.start.coords)
+    least = before + chain.walkers * LEAST_STEPS
     return PosteriorCost(
         walkers=chain.walkers,
         minima=len({m.valley for m in chain.minima}),
-        evaluations=(
-            before + chain.walkers * LEAST_STEPS,
-            before + chain.walkers * sampling.steps,
-        ),
+        evaluations=(least, before + chain.walkers * sampling.steps),
         seconds_each=(time.perf_counter() - started) / chain.walkers,
     )
 
@@ -297,32 +292,7 @@ def write_posterior(result: Posterior, out: str | Path, *, drawn: bool = True) -
     return paths
 
 
-def campaign_truth(problem: Problem, at: Result) -> dict[str, float]:
-    """What is true of a synthetic campaign, by its truth.toml; empty where that is not known.
-
-    Args:
-        problem: Of campaign files.
-        at: The fit, in whose form of the model the truth is given.
-    """
-    record = problem.record
-    paths = [bound.path.parent / TRUTH_NAME for bound in record.campaigns.values()]
-    if not record.synthetic or len(paths) != 1 or not paths[0].is_file():
-        return {}
-    reflected = bool(at.alternative.get("reflection", False))
-    true = true_values(read_toml(paths[0]), reflection=reflected)
-    likely = at.fitted_values
-    return {n: nearest(n, v, likely.get(n, math.nan)) for n, v in true.items() if n in likely}
-
-
 def _write_report(summary: PosteriorSummary, figure: Figure, folder: Path) -> Path:
-    facts = {
-        "walkers": str(summary.walkers),
-        "steps": f"{summary.steps}, of which the first {summary.discarded} are discarded",
-        "evaluations of the model": str(summary.evaluations),
-        "accepted proposals": f"{100.0 * summary.accepted:.0f} %",
-        "seed": str(summary.seed),
-        **summary.provenance,
-    }
     return write_page(
         folder,
         "posterior/page.html.j2",
@@ -335,7 +305,6 @@ def _write_report(summary: PosteriorSummary, figure: Figure, folder: Path) -> Pa
         figures=[figure],
         posterior=summary,
         tables=tables_of(summary),
-        facts=facts,
     )
 
 

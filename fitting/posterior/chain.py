@@ -75,9 +75,8 @@ MOST_DESCENTS, GAIN = 8, 0.01
 SCREENED, FOLLOWED = 128, 8
 #: By how much ln may fall between places of one valley, and rise next to one.
 DIP, RISE = 2.0, 0.25
-#: Share of the way to another place of a valley that each step takes, the share that may be left
-#: then, and the most steps.
-STRIDE, LEFT, MOST_STRIDES = 0.25, 0.95, 30
+#: Share of the way to another place of a valley that each step takes, and the most steps.
+STRIDE, MOST_STRIDES = 0.25, 16
 #: Share of a chain that is left out at its beginning.
 LEFT_OUT = 0.2
 #: Standard deviation of parameters, over their scales, that is as good as none.
@@ -341,17 +340,15 @@ class Target:
 
         From one of two wells each step falls back.
         """
-        place, way = one, self.apart(other.centre, one.centre)
+        place = one
         for _ in range(MOST_STRIDES):
             if self.distance(other, place.centre) <= 1.0:
                 return True
+            way = self.apart(other.centre, place.centre)
             step = self.minimum("", place.centre + STRIDE * way)
             if step is None or step.log < min(one.log, other.log) - DIP:
                 return False
-            left = self.apart(other.centre, step.centre)
-            if np.linalg.norm(left / self.width) > LEFT * np.linalg.norm(way / self.width):
-                return False
-            place, way = step, left
+            place = step
         return False
 
 
@@ -384,7 +381,9 @@ class Chain:
             raise BadInput(
                 f"posterior: {self.walkers} walkers for {n} parameters, wanted at least {2 * n}"
             )
-        self.structure = self._structure(places[0][1])
+        self.problem.logl(places[0][1])  # complains of noise that too few rows determine
+        #: What residuals of unknown noise show besides white noise of one size, at the fit.
+        self.structure = self._structure(places[0][1]) if self.problem.unknown_noise else None
         if self.structure is not None and self.structure.widening > 1.0:
             self.problem = self.problem.widened(self.structure.widening, places[0][1])
         self.target = target = Target(self.problem)
@@ -440,10 +439,6 @@ class Chain:
         return [(origin, np.array([p[n] for n in problem.names])) for origin, p in known]
 
     def _structure(self, place: FloatArray) -> Structure | None:
-        """What residuals of unknown noise show besides white noise of one size, at the fit."""
-        self.problem.logl(place)  # complains of noise that too few rows determine
-        if not self.problem.unknown_noise:
-            return None
         objective, parameters = self.problem.objective, self.problem.record.parameters
         [point] = evaluate_many(objective, [self.problem.to_search(place)])
         matrix = self.problem.jac(place) * scales(parameters)

@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     """
     # the work takes libraries along, help does not
     from fitting.extension.report import printed_lines
-    from fitting.posterior.api import campaign_truth, screen_lines
+    from fitting.posterior.api import screen_lines
     from fitting.text.scratch import Scratch
 
     at, out = fit_at(args), _out(args)
@@ -105,9 +105,8 @@ def run(args: argparse.Namespace) -> int:
         if args.dry_run:
             cost = ff.posterior_cost(problem, at, sampling)
         else:
-            truth = campaign_truth(problem, at)
             try:
-                drawn = ff.posterior(problem, at, sampling, truth=truth, out=out, progress=tell)
+                drawn = ff.posterior(problem, at, sampling, out=out, progress=tell)
             except KeyboardInterrupt as end:  # there is no result, but there may be a chain
                 way_on = f"{end}, go on with: {command_again(args)}" if str(end) else ""
                 raise KeyboardInterrupt(way_on) from None

@@ -34,12 +34,6 @@ MOST = 7
 BINS, POINTS = 25, 800
 #: Shares of the draws that the outlines contain.
 OUTLINED = (0.95, 0.68)
-#: Colour, sign and dashes of what is marked.
-MARKS = {
-    "other minima": (ORANGE, "D", ":"),
-    "most likely minimum": (RED, "*", "-"),
-    "truth": (GREEN, "P", "--"),
-}
 
 
 def save_figure(summary: PosteriorSummary, draws: FloatArray, folder: Path) -> Figure:
@@ -72,15 +66,12 @@ def draw(summary: PosteriorSummary, draws: FloatArray) -> Figure:
     scales = [scaling_for(c.tolist(), values[n].unit) for n, c in zip(shown, table.T, strict=True)]
     columns = [(c - s.offset) / s.factor for c, s in zip(table.T, scales, strict=True)]
 
-    # what matters most is marked last
-    places = [("other minima", mode.parameters) for mode in summary.modes[1:]]
-    places.append(("most likely minimum", summary.modes[0].parameters))
+    # label, colour, sign, dashes and values of what is marked, what matters most last
+    first, *others = (mode.parameters for mode in summary.modes)
+    marks = [("other minima", ORANGE, "D", ":", place) for place in others]
+    marks.append(("most likely minimum", RED, "*", "-", first))
     if any(math.isfinite(v.truth) for v in values.values()):
-        places.append(("truth", {name: v.truth for name, v in values.items()}))
-    scaled = [
-        (label, [scale(place[name]) for name, scale in zip(shown, scales, strict=True)])
-        for label, place in places
-    ]
+        marks.append(("truth", GREEN, "P", "--", {name: v.truth for name, v in values.items()}))
 
     for i, k in product(range(count), repeat=2):
         axes, x, y = grid[i][k], columns[k], columns[i]
@@ -99,12 +90,12 @@ def draw(summary: PosteriorSummary, draws: FloatArray) -> Figure:
             middles = [0.5 * (e[1:] + e[:-1]) for e in ends]
             axes.contour(*middles, counts.T, levels=np.unique(levels), colors=[BLUE])
             axes.set_ylim(np.min(y), np.max(y))
-        for label, place in scaled:
-            colour, sign, dashes = MARKS[label]
+        for _, colour, sign, dashes, place in marks:
+            across, up = (scales[j](place[shown[j]]) for j in (k, i))
             if k == i:
-                axes.axvline(place[k], color=colour, ls=dashes, lw=1.0)
+                axes.axvline(across, color=colour, ls=dashes, lw=1.0)
             else:
-                axes.plot(place[k], place[i], sign, color=colour, ms=6.0, mec="white", mew=0.5)
+                axes.plot(across, up, sign, color=colour, ms=6.0, mec="white", mew=0.5)
         axes.set_xlim(np.min(x), np.max(x))
         plain_ticks(axes, x=3, y=3)
         axes.set_xlabel(scales[k].label(mathtext(shown[k])) if i == count - 1 else "")
@@ -112,8 +103,8 @@ def draw(summary: PosteriorSummary, draws: FloatArray) -> Figure:
         axes.tick_params(labelleft=k == 0 < i, left=k < i)
 
     handles = [Line2D([], [], color=BLUE, label="outlines of 68 % and 95 % of the draws")]
-    for label in dict(scaled):
-        colour, sign, _ = MARKS[label]
+    looks = {label: (colour, sign) for label, colour, sign, *_ in marks}
+    for label, (colour, sign) in looks.items():
         handles.append(Line2D([], [], ls="none", marker=sign, color=colour, label=label))
     legend_below(figure, handles, ncols=4)
     return replace(words, drawn=figure, number=1)

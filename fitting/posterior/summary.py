@@ -176,13 +176,14 @@ def missed_value(
     worst, missed, knowledge = NEAR, None, fit.knowledge
     for p, flat in zip(parameters, draws.reshape(-1, len(parameters)).T, strict=True):
         low, high = fit.parameters[p.name].ci95 if p.name in fit.parameters else NOWHERE
-        if knowledge is None or p.name not in knowledge.scans or not 0.0 < high - low < math.inf:
+        scan = fit.scans.get(p.name)
+        if knowledge is None or scan is None or not 0.0 < high - low < math.inf:
             if is_bent and not p.experiments:
                 return Finding(kind=Kind.posterior_unchecked, severity="error", subject="")
             continue
-        scan, others = knowledge.scans[p.name], knowledge.equivalents
         accepted = np.array(scan.delta_chi2) * knowledge.inflation**2 <= ROOT_95**2
-        values = [e.parameters[p.name] for e in others if not e.where and p.name in e.parameters]
+        others = [e.parameters for e in knowledge.equivalents if not e.where]
+        values = [place[p.name] for place in others if p.name in place]
         for value in (*np.array(scan.values)[accepted], *values):
             off = value - flat
             if p.period is not None:
