@@ -32,7 +32,6 @@ from fitting.posterior.summary import (
     PosteriorValue,
     outputs_of,
     summary_of,
-    thinned,
 )
 from fitting.text.arguments import checked
 from fitting.text.arrays import FloatArray
@@ -124,7 +123,9 @@ class Posterior:
     @property
     def thinned(self) -> FloatArray:
         """Draws that are nearly independent, (k, n): one in so many steps as τ is at most."""
-        return thinned(self.draws, max(value.tau for value in self.values.values()))
+        longest = max(value.tau for value in self.values.values())
+        every = math.ceil(min(longest, len(self.draws)))
+        return np.asarray(self.draws[every - 1 :: every].reshape(-1, len(self.names)))
 
     def __getitem__(self, name: str) -> PosteriorValue | PosteriorOutput:
         values: Mapping[str, PosteriorValue | PosteriorOutput] = {**self.derived, **self.values}

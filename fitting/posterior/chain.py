@@ -65,8 +65,6 @@ FEWEST = 24
 DOF = 5.0
 #: Share of proposals that all minima have in equal parts, however unlike their masses.
 EQUAL = 0.5
-#: Reach of a place along a bent posterior at least, as a share of the bounds.
-LEAST_REACH = 1e-3
 #: A minimum that is this much less likely (ln) than the best is none to start from.
 UNLIKELY = 20.0
 #: Gauss-Newton steps to a minimum at most; one that gains less than so much of ln is the last.
@@ -414,9 +412,8 @@ class Chain:
             self.fit = record = at
         else:
             self.fit, record = at.inferred, at.source.record
-        # values of single experiments are reported as offsets from the drift: other numbers
-        likely = {n: e.most_likely for n, e in self.fit.parameters.items()}
-        self.likely = at.fitted_values | {n: v for n, v in likely.items() if math.isfinite(v)}
+        knowledge = self.fit.knowledge
+        self.likely = at.fitted_values | dict(knowledge.most_likely if knowledge else {})
         missing = sorted(set(problem.names) ^ set(self.likely))
         if missing:
             raise BadInput(
@@ -430,9 +427,8 @@ class Chain:
             raise BadInput(f"posterior: the problem has no alternative {words}")
         self.problem = problem.with_alternative(settings.index(self.alternative))
         known: list[tuple[str, Mapping[str, float]]] = [("the fit", self.likely)]
-        if self.fit.knowledge is not None:
-            others = self.fit.knowledge.equivalents
-            known += [(e.origin, e.parameters) for e in others if not e.where]
+        others = knowledge.equivalents if knowledge else ()
+        known += [(e.origin, e.parameters) for e in others if not e.where]
         for each in record.alternatives:
             if dict(each.settings) == self.alternative:
                 known += [("a start of the fit", s.parameters) for s in each.starts]
@@ -449,24 +445,15 @@ class Chain:
         """Make the sampler, its proposals, and the places (walkers, n) where walkers start."""
         emcee, target, minima = _emcee(), self.target, self.minima
         random = np.random.RandomState(self.seed % 2**32)
-        centres, valleys = (
-            np.array([m.centre for m in minima]),
-            np.array([m.valley for m in minima]),
-        )
+        centres = np.array([m.centre for m in minima])
         roots, logs = np.array([m.root for m in minima]), np.array([m.log for m in minima])
         masses = softmax(logs - np.linalg.slogdet(roots)[1])
         weights = EQUAL / len(minima) + (1.0 - EQUAL) * masses
-        # a valley is bent where ln falls on the straight way to its first place
-        middles = centres - 0.5 * target.apart(centres, centres[valleys])
-        is_bent = target.log(target.turned(middles)) < logs - DIP
-        self.is_bent = bool(np.any(is_bent))
-        for k in np.flatnonzero(np.isin(valleys, valleys[is_bent])):
-            # its places are as wide as the data allow, and along it as the next one is far
-            off = target.apart(np.delete(centres, k, axis=0), centres[k]) / target.width
-            reach = max(float(np.min(np.linalg.norm(off, axis=1))), LEAST_REACH)
-            shorter = np.diag(1.0 / (reach * target.width))
-            roots[k] = np.linalg.qr(np.vstack([roots[k], shorter]), mode="r")
         mixture = Mixture(centres, roots, weights)
+        #: Whether ln falls on the straight way from a place of a valley to its first one.
+        way = target.apart(centres, centres[[m.valley for m in minima]])
+        middles = target.turned(centres - 0.5 * way)
+        self.is_bent = bool(np.any(target.log(middles) < logs - DIP))
 
         # about every place its share of walkers, one at least; where it is unlikely, at the place
         more = random.choice(len(minima), self.walkers - len(minima), p=weights)

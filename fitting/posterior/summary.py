@@ -133,17 +133,6 @@ class PosteriorSummary(EndedRecord):
     derived: Mapping[str, PosteriorOutput] = field(default_factory=dict)
 
 
-def thinned(draws: FloatArray, longest: float) -> FloatArray:
-    """One in so many steps of draws (steps, walkers, n) as the longest correlation time, (k, n).
-
-    Args:
-        draws: of the chain.
-        longest: correlation time, in steps.
-    """
-    every = math.ceil(min(longest, len(draws)))
-    return np.asarray(draws[every - 1 :: every].reshape(-1, draws.shape[-1]))
-
-
 def split_rhat(draws: FloatArray) -> float:
     """Rank-normalised split R of one quantity: 1 where walkers agree; see the module.
 
