@@ -148,7 +148,7 @@ class Target:
         whole = np.isclose(wide, self.period) | (wide > self.period)
         self.width = np.where(whole, self.period, wide)
 
-    def turned(self, p: FloatArray, lower: FloatArray | None = None) -> FloatArray:
+    def in_period(self, p: FloatArray, lower: FloatArray | None = None) -> FloatArray:
         """Parameters (..., n), each that has a period in the one that is drawn.
 
         Args:
@@ -187,7 +187,7 @@ class Target:
             p: parameters, (..., n).
         """
         lower, upper = self.problem.bounds
-        return np.clip(self.turned(p, lower), lower, upper)
+        return np.clip(self.in_period(p, lower), lower, upper)
 
     def log(self, p: FloatArray) -> FloatArray:
         """ln of the posterior, (k,); -inf beyond the bounds and where the model has no value.
@@ -219,7 +219,7 @@ class Target:
             place: parameters, (n,).
         """
         upper = self.lower + self.width
-        p = np.clip(self.turned(place), self.lower, upper)
+        p = np.clip(self.in_period(place), self.lower, upper)
         log, gain = float(self.log(p[None])[0]), math.inf
         if not math.isfinite(log):
             return None
@@ -233,7 +233,7 @@ class Target:
             # the step of Gauss and Newton and shorter ones, tried together
             step = np.linalg.lstsq(whole, np.append(-residuals, 0.0 * p))[0] * self.width
             shorter = p + 0.5 ** np.arange(6.0)[:, None] * step
-            tried = np.clip(self.turned(shorter), self.lower, upper)
+            tried = np.clip(self.in_period(shorter), self.lower, upper)
             logs = self.log(tried)
             best = int(np.argmax(logs))
             gain = float(logs[best]) - log
@@ -273,7 +273,7 @@ class Target:
     def _image(
         self, order: IntArray, sign: FloatArray, shift: FloatArray, p: FloatArray
     ) -> FloatArray:
-        return self.turned(sign * p[..., order] + shift)
+        return self.in_period(sign * p[..., order] + shift)
 
     def minima(self, known: Sequence[tuple[str, FloatArray]]) -> list[Minimum]:
         """The minima to start from, the most likely first, with the places of their valleys.
@@ -295,7 +295,7 @@ class Target:
                 continue
             # where ln rises within a standard deviation is no minimum, but a maximum of chi square
             steps = np.linalg.solve(new.root, np.eye(place.size)).T
-            around = self.log(self.turned(new.centre + np.vstack([steps, -steps])))
+            around = self.log(self.in_period(new.centre + np.vstack([steps, -steps])))
             if not minima or np.max(around) < new.log + RISE:
                 minima.append(new)
         if not minima:
@@ -318,7 +318,7 @@ class Target:
             reported = np.mod(known[0][1][axis], period)
             self.lower[axis] = cut + period * np.floor((reported - cut) / period)
         return [
-            replace(m, centre=self.turned(m.centre), valley=v)
+            replace(m, centre=self.in_period(m.centre), valley=v)
             for m, v in zip(minima, valleys, strict=True)
         ]
 
@@ -452,7 +452,7 @@ class Chain:
         mixture = Mixture(centres, roots, weights)
         #: Whether ln falls on the straight way from a place of a valley to its first one.
         way = target.apart(centres, centres[[m.valley for m in minima]])
-        middles = target.turned(centres - 0.5 * way)
+        middles = target.in_period(centres - 0.5 * way)
         self.is_bent = bool(np.any(target.log(middles) < logs - DIP))
 
         # about every place its share of walkers, one at least; where it is unlikely, at the place

@@ -229,8 +229,8 @@ def summary_of(
     converged = is_enough and missed is None and not interrupted
 
     # values that the fit reports, and those that are true, in the period that is drawn
-    likely = target.turned(np.array([chain.likely[name] for name in problem.names]))
-    true = target.turned(np.array([truth.get(name, math.nan) for name in problem.names]))
+    likely = target.in_period(np.array([chain.likely[name] for name in problem.names]))
+    true = target.in_period(np.array([truth.get(name, math.nan) for name in problem.names]))
     values = {}
     for i, p in enumerate(target.parameters):
         known = fit.parameters.get(p.name)

@@ -132,7 +132,7 @@ def test_a_value_with_a_period_is_drawn_in_the_one_that_the_fit_reports(reported
     assert lower <= reported % 1.0 < lower + width == lower + 1.0
     # whole periods off is the same, and beyond the period nothing is drawn
     places = circle.lower + np.array([[0.3], [1.3]])
-    assert circle.turned(places)[:, 0] == pytest.approx([places[0, 0]] * 2)
+    assert circle.in_period(places)[:, 0] == pytest.approx([places[0, 0]] * 2)
     assert np.isfinite(circle.log(places)).tolist() == [True, False]
 
 
