@@ -424,6 +424,15 @@ def test_a_parameter_called_eigenfrequency_is_fitted_from_where_the_line_is(tmp_
     assert drafted["line_width"]["start"] == pytest.approx(3.0, rel=0.02)
 
 
+def test_a_sweep_without_a_line_is_drafted_for_an_fmu_that_has_none(tmp_path: Path) -> None:
+    f_hz = np.arange(0.1, 1.55, 0.1)
+    volt = 0.37 / np.abs(1.0 + 2j * np.pi * f_hz * 0.8)
+    file = write_csv(tmp_path / "lag.csv", "frequency (Hz),R (V)", f_hz, volt)
+    path, _ = init(file, build_lag_fmu(tmp_path), out=tmp_path / "o")
+    names = [p["name"] for p in tomllib.loads(path.read_text("utf-8"))["parameters"]]
+    assert names == ["tau", "gain"]
+
+
 def test_a_person_is_asked_only_what_no_file_tells(tmp_path: Path) -> None:
     asked: list[Question] = []
 
