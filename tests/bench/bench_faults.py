@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from fitting.cli.running import progress
+from fitting.api import progress
 from tests.faults.all_of_them import Count, markdown, whole_table
 from tests.faults.case import problems
 from tests.faults.scene import built

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting.cli.running import progress
+from fitting.api import progress
 from fitting.cli.words.parser import COMMANDS
 from tests.golden.texts import HERE, SCENES, LaidOut, golden_text, laid_out, masked
 

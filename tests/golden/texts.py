@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import build_fmu
-from fitting.cli.running import progress
+from fitting.api import progress
 from tests.faults.scene import FMU, csv, texts
 from tests.support.in_process import told
 
