@@ -87,7 +87,7 @@ def cost(
     )
     runs = added(evaluated, whole.output_runs, (planning_runs, planning_runs))
     share = seconds_each / max(runs_each, 1.0)
-    held = len(workers.pids) * workers.memory_bytes
+    resident = len(workers.pids) * workers.memory_bytes
     return Cost(
         expected=whole,
         workers=len(workers.pids),
@@ -95,7 +95,7 @@ def cost(
         planning_s=planning_s,
         runs_each=runs_each,
         seconds_each=seconds_each,
-        memory_bytes=float(most_memory() + held) if held else math.nan,
+        memory_bytes=float(most_memory() + resident) if resident else math.nan,
         evaluations=whole.evaluations,
         runs=runs,
         seconds=added(

@@ -71,7 +71,7 @@ class FittedLine(MeasuredLine, HtmlText):
     @property
     def aic(self) -> float:
         """Akaike's criterion, of n residuals n ln(chisqr/n) + 2 unknowns; smaller is better."""
-        return self.minus_twice_likely + 2.0 * self.unknowns
+        return self.minus_two_log_likelihood + 2.0 * self.unknowns
 
     @property
     def best_fit(self) -> FloatArray | ComplexArray:

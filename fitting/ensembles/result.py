@@ -38,11 +38,11 @@ class EnsembleValue(Estimate):
         return (self.value - self.truth) / self.std if self.std > 0.0 else math.nan
 
     @property
-    def is_judged(self) -> bool:
+    def is_assessed(self) -> bool:
         """Whether an interval was promised, and the truth is known."""
-        unjudged = (Verdict.WITHDRAWN, Verdict.UNKNOWN)
+        without_interval = (Verdict.WITHDRAWN, Verdict.UNKNOWN)
         known = math.isfinite(self.truth) and not math.isnan(self.ci95[0] + self.ci95[1])
-        return known and self.status not in unjudged
+        return known and self.status not in without_interval
 
     def holds(self, level: float) -> bool:
         """Whether the interval of that level holds the truth.
@@ -201,15 +201,15 @@ class Ensemble(EndedRecord):
 
 
 def _coverage(values: Sequence[EnsembleValue]) -> Coverage:
-    judged = [value for value in values if value.is_judged]
-    pulls = [value.pull for value in judged]
+    assessed = [value for value in values if value.is_assessed]
+    pulls = [value.pull for value in assessed]
     return Coverage(
         name=values[0].name,
         unit=values[0].unit,
-        judged=len(judged),
-        determined=sum(value.status == Verdict.DETERMINED for value in judged),
-        withheld=len(values) - len(judged),
-        held68=Share(sum(value.holds(0.68) for value in judged), len(judged)),
-        held95=Share(sum(value.holds(0.95) for value in judged), len(judged)),
+        judged=len(assessed),
+        determined=sum(value.status == Verdict.DETERMINED for value in assessed),
+        withheld=len(values) - len(assessed),
+        held68=Share(sum(value.holds(0.68) for value in assessed), len(assessed)),
+        held95=Share(sum(value.holds(0.95) for value in assessed), len(assessed)),
         pulls=tuple(pull for pull in pulls if math.isfinite(pull)),
     )

@@ -178,10 +178,10 @@ def _image(own: Outcome, other: Outcome, mirror: Twin) -> Outcome | None:
     _log.info("mirrors an alternative that is done")
     minima = []
     for minimum in other.minima:
-        place, begun = mirror.of(parameters, minimum.x), mirror.of(parameters, minimum.begun)
+        place, start = mirror.of(parameters, minimum.x), mirror.of(parameters, minimum.start)
         if place is not None:
             minima.append(
-                replace(minimum, x=place, begun=minimum.begun if begun is None else begun)
+                replace(minimum, x=place, start=minimum.start if start is None else start)
             )
     search = None if other.search is None else replace(other.search, evaluations=0, fmu_runs=0)
     return replace(
@@ -271,7 +271,7 @@ def alternative_results(
         low = lowest(outcome.minima)
         starts = [
             StartResult(
-                begun=named(parameters, to_model(parameters, minimum.begun)),
+                begun=named(parameters, to_model(parameters, minimum.start)),
                 parameters=named(parameters, to_model(parameters, minimum.x)),
                 chi_square=minimum.chi_square,
                 descents=minimum.descents,

@@ -58,7 +58,7 @@ class RowCovariance:
             row, column = row + height, column + width
         return cls(np.concatenate([part.sigma for part in parts]), common)
 
-    def beside(self, shared: FloatArray) -> RowCovariance:
+    def with_shared(self, shared: FloatArray) -> RowCovariance:
         """V + u u^T: with one more error that the rows share; nothing changes where it is zero.
 
         Args:

@@ -56,9 +56,9 @@ FLAT = 1e-6
 class Solution:
     """The reported end, and what was evaluated there.
 
-    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there, `seen` the same
-    with secants for variables without a first-order effect (`secants`), which
-    `secant_points` tell of; `noise` of the rows, `errors` by it; `structure` that of the sweep's
+    `initial` is the campaign's start, `final` the solution; `matrix` dr/dx there, `secant_matrix`
+    the same with secants for variables without a first-order effect (`secants`), `secant_points`
+    the points of these; `noise` of the rows, `errors` by it; `structure` that of the sweep's
     residuals, None where the sweep is not fitted; `nu` is the last weight of the Tikhonov term.
     """
 
@@ -67,7 +67,7 @@ class Solution:
     initial: Point
     final: Point
     matrix: FloatArray
-    seen: FloatArray
+    secant_matrix: FloatArray
     noise: RowNoise
     errors: Linearisation
     structure: Structure | None
@@ -89,8 +89,8 @@ class Solution:
         lower, upper = search_bounds(self.parameters)
         x, rows, matrix = self.final.x, self.errors.rows, self.errors.matrix
         slope = matrix.T @ rows
-        held = ((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0))
-        free = matrix[:, ~held]
+        is_active = ((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0))
+        free = matrix[:, ~is_active]
         return float(rows @ free @ np.linalg.lstsq(free, rows, rcond=None)[0])
 
     def weighed(self, noise: RowNoise) -> Solution:
@@ -99,7 +99,9 @@ class Solution:
         Args:
             noise: of the rows.
         """
-        errors = _errors(self.objective, self.final, self.seen, noise, self.structure, self.nu)
+        errors = _errors(
+            self.objective, self.final, self.secant_matrix, noise, self.structure, self.nu
+        )
         return replace(self, noise=noise, errors=errors)
 
 
@@ -118,8 +120,8 @@ def solution_of(evaluator: Evaluator, x: FloatArray, nu: float) -> Solution:
     parameters = objective.parameters
     initial, final = evaluator.points([to_search(parameters, starts(parameters)), x], whole=True)
     matrix = evaluator.jacobian(x)
-    seen, secant_points = secants(evaluator, x, matrix)
-    noise = fitted_noise(objective, final, seen, prior_sigmas(parameters, nu))
+    secant_matrix, secant_points = secants(evaluator, x, matrix)
+    noise = fitted_noise(objective, final, secant_matrix, prior_sigmas(parameters, nu))
     structure = curve_structure(objective, final, matrix, noise)
     return Solution(
         objective=objective,
@@ -127,9 +129,9 @@ def solution_of(evaluator: Evaluator, x: FloatArray, nu: float) -> Solution:
         initial=initial,
         final=final,
         matrix=matrix,
-        seen=seen,
+        secant_matrix=secant_matrix,
         noise=noise,
-        errors=_errors(objective, final, seen, noise, structure, nu),
+        errors=_errors(objective, final, secant_matrix, noise, structure, nu),
         structure=structure,
         secant_points=secant_points,
     )
@@ -138,7 +140,7 @@ def solution_of(evaluator: Evaluator, x: FloatArray, nu: float) -> Solution:
 def _errors(
     objective: Objective,
     final: Point,
-    seen: FloatArray,
+    secant_matrix: FloatArray,
     noise: RowNoise,
     structure: Structure | None,
     nu: float,
@@ -151,7 +153,7 @@ def _errors(
         stated = noise.widened(data.curve_rows, structure.excess)
     errors = linearise(
         final.residuals,
-        seen,
+        secant_matrix,
         stated.covariance,
         prior_sigmas(objective.parameters, nu),
         widened.covariance,
@@ -170,7 +172,7 @@ def curve_structure(
     """Structure of the residuals along curves; what they are solved for inside is fitted, too.
 
     Of the many spectra of a map each has a scale of its own. Where noise is of one size in volts,
-    rows of a small spectrum have more, and so has its scale: nobody asks for that error, nor for
+    rows of a small spectrum have more, and so has its scale: that error is not used, nor are
     those of gain, offset and start of a trace.
 
     Rows count as the fit weighs them, by their noise over its root mean square: where that is

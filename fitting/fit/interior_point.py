@@ -91,7 +91,7 @@ def solve(
             minimum that no corner of the rows holds.
 
     Raises:
-        FmuFailure: the model failed at the start, or beside an iterate.
+        FmuFailure: the model failed at the start, or next to an iterate.
 
     Source: R. Byrd, M. Hribar and J. Nocedal, "An interior point algorithm for large-scale
     nonlinear programming", SIAM J. Optim. 9 (1999) 877; the paper's Algorithm 2, line 3.
@@ -141,7 +141,7 @@ def second_value(evaluator: Evaluator, start: FloatArray, nu: Nu, misfit: str) -
         misfit: "slack" or "absolute" (sum of absolute values), or "squares".
 
     Raises:
-        FmuFailure: the model failed at the start, or beside an iterate.
+        FmuFailure: the model failed at the start, or next to an iterate.
     """
     here = evaluator.point(start)
     m, tikhonov = here.residuals.size, np.sqrt(np.broadcast_to(nu, start.shape))

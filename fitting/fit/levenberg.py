@@ -7,8 +7,8 @@ runs that points share are simulated once. Slopes come from forward differences;
 steps they follow Broyden's update, which takes an evaluation in place of n + 1, and are taken anew
 where a step did not gain what they foresee. Where a step along the tangent gains nothing, the
 curvature of the rows along it is measured, and steps follow parabolas from then on: a narrow valley
-that bends is walked in a few of them. Priors are rows. A parameter that comes back to itself has no
-bounds. With a weight w the minimum lies on the profile of an output g at its own value of g, which
+that bends is followed in a few of them. Priors are rows. A periodic parameter has no bounds.
+With a weight w the minimum lies on the profile of an output g at its own value of g, which
 is read off afterwards, so that w need not be large.
 
 Source: J. More, "The Levenberg-Marquardt algorithm", Lecture Notes in Mathematics 630 (1978);
@@ -244,7 +244,7 @@ def _expand(
     if np.all(np.isfinite(samples[0].rows)):
         failed = [i for i, s in enumerate(samples[1:]) if not np.all(np.isfinite(s.rows))]
         if failed:  # a step at which the model fails goes the other way
-            around = around.turned(failed)
+            around = around.reversed_along(failed)
             others = yield Request(tuple(around.nodes[i + 1] for i in failed), outputs=outputs)
             for i, sample in zip(failed, others, strict=True):
                 samples[i + 1] = sample

@@ -81,8 +81,8 @@ class Likelihood:
     (`fitting.fit.noise`): it takes no part in chi square. `scatter` (m,) is above zero for rows
     whose noise is that of the residuals themselves, see `fitting.fit.noise.RowNoise`; empty: all
     noise is known. With `by_shares` curves over frequency are compared by where their power is
-    (`ResidualCurve.power_shares`): no likelihood, but without the minima at which a line stands
-    beside another.
+    (`ResidualCurve.power_shares`): no likelihood, but without the minima at which a line is
+    next to another.
     """
 
     objective: Objective
@@ -210,7 +210,7 @@ class LikelihoodEvaluator:
 
     Those in which derived outputs are read count as well. Runs that points of a batch share count
     once; a model that counts none counts evaluations.
-    `progress` is told what was spent when a stage begins and before every batch; `cuts` counts how
+    `progress` receives what was spent when a stage begins and before every batch; `cuts` counts how
     often the limit was met, `failures` points of the box at which the model failed, in the words of
     the first `failure`.
     """

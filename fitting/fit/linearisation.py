@@ -46,14 +46,14 @@ class Minimum:
 
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
-    """Whitened rows and their derivatives at a point, with the prior beside them.
+    """Whitened rows and their derivatives at a point, with the prior.
 
     `rows` (m,) are residuals of unit variance, `matrix` (m, n) their derivatives in x, `prior` (n,)
     the standard deviations in x without data. `inflation` is the factor on the given sigmas that
-    the residuals asked for (one if they fit); it is in the rows already. `bounded` are errors of
-    the rows, each column times a number from -1 to 1 that nobody knows; None: there are none.
-    `scatter` (m,) is above zero for rows whose noise the residuals tell, with `freedom` degrees of
-    freedom; empty or None where all noise is known.
+    the residuals require (one if they fit); it is in the rows already. `bounded` are errors of
+    the rows, each column times an unknown number from -1 to 1; None: there are none.
+    `scatter` (m,) is above zero for rows whose noise the residuals determine, with `freedom`
+    degrees of freedom; empty or None where all noise is known.
     """
 
     rows: FloatArray

@@ -14,7 +14,7 @@ are correlated; rows then are off by B d with all |d_j| <= 1, a column of B for 
 
 An estimate with the slopes G = d value/d rows is then off by sum_j |G B_j| at most. This is added
 to what noise makes of the error, for 68 % and for 95 % alike: no part of it averages out over rows
-or repetitions, so that a sum in quadrature would promise what nobody knows. Source: Guide to the
+or repetitions, so that a sum in quadrature would assume what is unknown. Source: Guide to the
 Expression of Uncertainty in Measurement (JCGM 100:2008), F.2.4.5, on a bias that is not corrected.
 """
 
@@ -42,7 +42,7 @@ class RowNoise:
     `bounded` are the columns B of what the simulation may be off by, none where it is exact, and
     of scales that are in doubt.
     `scatter` (m,) is zero for rows whose noise is known; for the others, that have the scatter of
-    such rows, it tells by what factor they count as wider. It is empty where all noise is known;
+    such rows, it is the factor by which they count as wider. It is empty where all noise is known;
     `freedom` are the degrees of freedom of that scatter.
     """
 
@@ -79,7 +79,7 @@ class RowNoise:
 def noise_of(objective: Objective, point: Point, fitted: float = 0.0) -> RowNoise:
     """Noise of the rows of an objective at a point.
 
-    Rows whose noise nobody knows have the scatter of such rows.
+    Rows whose noise is unknown have the scatter of such rows.
 
     Args:
         objective: rows, parameters and weights.

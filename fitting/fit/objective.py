@@ -1,6 +1,6 @@
-"""What is minimised: residual rows and Tikhonov rows, kept apart; it does not know who minimises.
+"""What is minimised: residual rows and Tikhonov rows, kept apart, without the minimiser.
 
-An `Evaluator` is what a solver sees of it: values and Jacobians, remembered and counted.
+An `Evaluator` is its interface to a solver: values and Jacobians, remembered and counted.
 
     r_i(p) = (chi(p) z_i(p) - z*_i)/z*_i        J_fit = sum |r_i|        J_reg = nu/2 |x|^2
 
@@ -8,9 +8,9 @@ with the search vector x = (p - p_ref)/scale. Evaluating changes nothing: points
 
 A parameter with a Gaussian prior of its own (standard deviation s, scale = s) does not fade with
 nu: it keeps a weight in units of the noise. With rows of relative noise sigma the posterior's
--2 log is sum r^2/sigma^2 + x^2, so sum r^2 stands beside sigma^2 x^2. The sum of absolute values is
+-2 log is sum r^2/sigma^2 + x^2, so sum r^2 is added to sigma^2 x^2. The sum of absolute values is
 the -log of Laplace noise, sum |r|/b, whose mean absolute value is that of the Gaussian noise where
-b = sqrt(2/pi) sigma: it stands beside b/2 x^2.
+b = sqrt(2/pi) sigma: it is added to b/2 x^2.
 
 First derivatives are quotients of differences of finite size,
 
@@ -18,9 +18,9 @@ First derivatives are quotients of differences of finite size,
 
 Where one side has no room, two quotients to the other side are extrapolated to none.
 
-A stencil says at which points a function of the search vector is wanted, so that all of them go to
-the model in one batch, and makes the derivatives from what comes back, be that residual rows or
-derived outputs.
+A stencil holds the points at which a function of the search vector is wanted, so that all of them
+go to the model in one batch, and makes the derivatives from the values there, be they residual
+rows or derived outputs.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Stencil:
         along[axis] = ((count, count + 1, 1.0),)
         return Stencil((*self.nodes, above, below), tuple(along))
 
-    def turned(self, axes: Sequence[int]) -> Stencil:
+    def reversed_along(self, axes: Sequence[int]) -> Stencil:
         """The stencil of `forward` with the steps along some axes taken the other way.
 
         Args:

@@ -47,7 +47,7 @@ class Optimum:
 
     `chi_square` of the data before inflation, against `degrees_of_freedom`; `converged`
     whether a minimum was reached. `noise_freedom` are the degrees of freedom of the noise where
-    the residuals tell it, infinite where it is known as it is stated.
+    the residuals determine it, infinite where it is known as it is stated.
     """
 
     likelihood: Likelihood
@@ -104,7 +104,7 @@ class Optimum:
 def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Optimum:
     """Least squares in the box from several starts; residuals beyond the noise widen them.
 
-    The first start wins where another is no better by PROMISE: in a valley the point beside the
+    The first start wins where another is no better by PROMISE: in a valley the point next to the
     reported solution is taken. k^2 = chi^2/freedom where noise alone reaches that chi^2 less often
     than TOO_LARGE_P, else one (`inflation_of`). Wider noise leaves no less of the data than the
     least chi square: where it does, the descent had been stuck, and is gone on with.
@@ -175,7 +175,7 @@ def _with_noise(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
 def _with_own_scatter(
     evaluator: LikelihoodEvaluator, best: Expansion, converged: bool
 ) -> tuple[Expansion, bool, float]:
-    """The same with noise that the residuals tell taken from those of the best point itself.
+    """The same with noise that the residuals determine taken from those of the best point itself.
 
     s^2 = sum r^2/nu over such rows, nu what parameters, scales and backgrounds leave of them: chi
     square is then nu, however the rows were weighed on the way here. With the degrees of freedom.
@@ -291,7 +291,7 @@ def freedom_of(likelihood: Likelihood, end: Expansion) -> float:
 
 
 def _of_data(likelihood: Likelihood, end: Expansion) -> Linearisation:
-    """The rows of the data alone, with box and priors beside them."""
+    """The rows of the data alone, with bounds and priors."""
     m = likelihood.data_rows
     prior = 1.0 / np.hypot(UNIFORM_WIDTH / likelihood.widths, likelihood.inverse_prior_sigma)
     return Linearisation(rows=end.sample.rows[:m], matrix=end.matrix[:m], prior=prior)

@@ -42,7 +42,7 @@ class Options:
 
 
 def usual_misfit(measurements: Iterable[Measurement]) -> str:
-    """The misfit where nobody names one: "squares" where there is a trace, else "slack".
+    """The misfit where none is named: "squares" where there is a trace, else "slack".
 
     Sums of absolute values are the paper's, for a few peaks of which some may be wrong. A trace has
     thousands of samples with like noise: a slack for each buys nothing, and a sum over traces and

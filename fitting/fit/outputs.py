@@ -21,7 +21,7 @@ def output_means(
 
     Args:
         response: the model.
-        parameters: what the search vectors stand for.
+        parameters: of the search vectors.
         xs: k search vectors, shape (n,) each.
 
     Raises:
@@ -43,7 +43,7 @@ def output_means_beyond(
 
     Args:
         response: the model.
-        parameters: what the search vectors stand for.
+        parameters: of the search vectors.
         xs: k search vectors, shape (n,) each, in the box or beyond it.
         names: of the outputs.
 

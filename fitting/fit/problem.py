@@ -216,7 +216,7 @@ class PlannedFmu:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What the plans say, of every campaign by its name where there are several."""
+        """Sentences of the plans, with the name of the campaign where there are several."""
         return tuple(
             f"{name}: {sentence}" if name else sentence
             for name, plan in self.plans.items()

@@ -6,7 +6,7 @@ many further points as there were follow, as far as the budget goes: a valley th
 thousandth of the box is met by a thousand points, not by sixty-four. White residuals of one size
 are noise, however large: no better minimum makes them smaller. Each of these rounds is followed by
 two that look elsewhere: curves over frequency are first compared by where their power is, which
-leads lines that stand beside each other together; and in boxes of many parameters points along the
+moves lines that do not overlap together; and in boxes of many parameters points along the
 edges of the box through the lowest minima are evaluated.
 
 Source: A. Rinnooy Kan and G. Timmer, "Stochastic global optimization methods II: multi level
@@ -171,7 +171,7 @@ class Minimum:
     """
 
     x: FloatArray
-    begun: FloatArray
+    start: FloatArray
     chi_square: float
     descents: int = 1
 
@@ -327,7 +327,7 @@ def search_box(
         # where the model fails no minimum is known
         ended = [e for e in zip(some, ends, strict=True) if math.isfinite(e[1].chi_square)]
         descents += len(ended)
-        for begun, end in ended:
+        for start, end in ended:
             if end.chi_square < min((m.chi_square for m in minima), default=math.inf):
                 rows = end.end.sample.rows[: likelihood.data_rows]
                 freedom = freedom_of(likelihood, end.end)
@@ -337,7 +337,7 @@ def search_box(
                 elif p < TOO_LARGE_P and freedom >= SURE and _is_noise(likelihood, rows):
                     p = 1.0
             x = likelihood.folded(end.end.x)
-            minima.append(Minimum(x=x, begun=begun, chi_square=end.chi_square))
+            minima.append(Minimum(x=x, start=start, chi_square=end.chi_square))
         minima = distinct(box, minima)
         # one wrong minimum in twenty is explained by noise at TOO_LARGE_P, nearly none at BARELY_P
         is_explained = p >= (BARELY_P if is_wide and not along else TOO_LARGE_P)

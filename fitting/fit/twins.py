@@ -6,8 +6,8 @@ Tried are fractions of a period with either sign, quarters of a turn for an angl
 reversed signs in boxes that are symmetric about zero, and exchanges of parameters of one unit whose
 boxes overlap, and products of these; where there are too many, exchanges in pairs first. What
 leaves the rows unchanged at points drawn from the box, to rounding at most of them, is a symmetry
-of the model, found without knowing the model. The data tell no point from its twins, whatever they
-are.
+of the model, found without knowing the model. The data distinguish no point from its twins,
+whatever they are.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def find_twins(evaluator: Evaluator, seed: int, other: Objective | None = None) 
 
 
 def sampling_twins(parameters: Sequence[Parameter], rates_hz: Iterable[float]) -> list[Twin]:
-    """What a record of samples does not tell apart: a frequency, and once or twice the rate beside.
+    """Frequencies that samples do not distinguish: f, and f plus or minus one or two rates.
 
     Args:
         parameters: the fitted parameters.
@@ -140,8 +140,8 @@ def twins_but_for_priors(evaluator: Evaluator, seed: int) -> list[Twin]:
     if not any(has_prior):
         return []
     bare = tuple(
-        replace(p, prior=None) if is_held else p
-        for p, is_held in zip(parameters, has_prior, strict=True)
+        replace(p, prior=None) if has_own else p
+        for p, has_own in zip(parameters, has_prior, strict=True)
     )
     without = Evaluator(replace(evaluator.objective, parameters=bare))
     twins = find_twins(without, seed)
@@ -230,7 +230,7 @@ def _turns(parameter: Parameter) -> list[tuple[float, float]]:
 
 
 def _alike(one: Parameter, other: Parameter) -> bool:
-    """Whether two parameters could stand for each other over a tenth of the narrower box."""
+    """Whether two parameters could be exchanged over a tenth of the narrower box."""
     common = min(one.upper, other.upper) - max(one.lower, other.lower)
     narrower = min(one.upper - one.lower, other.upper - other.lower)
     return one.unit == other.unit and common >= LIKE * narrower

@@ -180,7 +180,7 @@ def _along_curves(
     off = bounded.largest if bounded.own.size else np.zeros(rows.size)
     # residuals of a curve in the order of its axis, or of all curves of a measurement in turn: its
     # name, numbers of the rows (n,), residuals over their noise, share of the largest amplitude
-    asked: list[tuple[str, IntArray, FloatArray, FloatArray]] = []
+    curves: list[tuple[str, IntArray, FloatArray, FloatArray]] = []
     for m, at in zip(data.measurements, data.slices, strict=True):
         if m.solved_inside + np.sum(taken[at]) >= MOST_TAKEN * m.rows:
             continue
@@ -191,15 +191,15 @@ def _along_curves(
             # what rows share, as the error of a scale, is no structure
             white = stated.restricted(mine).whitened(rows[mine] - curve.centre)
             each.append((name, mine, white, curve.share))
-        asked += each
+        curves += each
         # what every sweep of a map has too weakly to be seen alone; peaks have no common axis
         if len(each) > 1 and m.is_curve:
             _, rows_of, whites, shares = zip(*each, strict=True)
             joined = np.concatenate(rows_of), np.concatenate(whites), np.concatenate(shares)
-            asked.append((m.series, *joined))
+            curves.append((m.series, *joined))
     correlated = np.zeros(rows.size, dtype=bool)
     worst, name, highest, others = Correlation(), "", -1.0, [1.0]
-    for curve_name, mine, white, share in asked:
+    for curve_name, mine, white, share in curves:
         known = bool(np.all(data.sigma[mine] > 0.0))
         left = white * stated.sigma[mine]
         test = Correlation()
@@ -208,7 +208,7 @@ def _along_curves(
         excused = float(np.sqrt(np.mean((off[mine] * share) ** 2)))
         test = replace(
             test,
-            p_value=min(1.0, test.p_value * len(asked)),
+            p_value=min(1.0, test.p_value * len(curves)),
             excused=max(test.excused, excused),
             below=below,
         )
@@ -224,11 +224,11 @@ def _along_curves(
         freedom=0.0,
         p_value=math.nan,
         describes=worst.misfit.describes,
-        correlated_p=worst.p_value if asked else math.nan,
-        share=worst.share if asked else math.nan,
+        correlated_p=worst.p_value if curves else math.nan,
+        share=worst.share if curves else math.nan,
         curve=name,
     )
-    return correlated, min(others) if asked else math.nan, summary
+    return correlated, min(others) if curves else math.nan, summary
 
 
 def _is_equal(left: FloatArray) -> bool:

@@ -56,7 +56,7 @@ class Expected:
     nu are those of Algorithm 2 (0: it is left out); ``profiled`` values have a profile, ``outputs``
     of them are derived; ``refits`` are those of the bootstrap. ``search``, ``path``, ``profiles``
     and ``bootstrap`` are least and most evaluations, ``stages`` those of the profiles in their
-    order; ``output_runs`` runs beside them.
+    order; ``output_runs`` further runs.
     """
 
     parameters: int
@@ -105,7 +105,7 @@ def expected(
     Args:
         problem: parameters, measurements and alternatives.
         options: of the search.
-        profiles: whether profiles are walked.
+        profiles: whether profiles are scanned.
         refits: synthetic data sets that are fitted anew.
         own: values of single experiments that have a profile, too.
     """

@@ -388,16 +388,16 @@ def identify(
         only=shared_values(problem) if own > FEW_OWN else (),
         structure=structure,
     )
-    found = determine(objective, begins[0], noise, options)
-    knowledge = found.knowledge
+    determined = determine(objective, begins[0], noise, options)
+    knowledge = determined.knowledge
     widening = 1.0 if structure is None else structure.widening
     findings = residual_findings(knowledge.adequacy, problem.data.series, widening)
     if knowledge.adequacy.describes:
-        findings += (*equivalent_findings(found), *found.findings)
+        findings += (*equivalent_findings(determined), *determined.findings)
     if own <= FEW_OWN:
-        return replace(found, findings=findings)
+        return replace(determined, findings=findings)
     limited = note(Kind.profiles_limited, "experiments", count=float(own), most=float(FEW_OWN))
-    return replace(found, findings=(*findings, limited))
+    return replace(determined, findings=(*findings, limited))
 
 
 def own_profiled(problem: Problem) -> int:
@@ -457,5 +457,7 @@ def _noise(
     if not point.residuals[curves].size:
         return noise, None
     matrix = evaluator.likelihood.residuals(optimum.expansion.matrix[: noise.sigma.size])
-    found = curve_structure(objective, point, matrix, noise)
-    return (noise, None) if found is None else (noise.widened(curves, found.widening), found)
+    structure = curve_structure(objective, point, matrix, noise)
+    if structure is None:
+        return noise, None
+    return noise.widened(curves, structure.widening), structure

@@ -188,8 +188,8 @@ def derived_results(
     response, results = solution.objective.response, {}
     ranges = output_ranges(response, solution.parameters, seed, outputs.points)
     papers = [estimates.paper] if np.all(np.isfinite(estimates.paper)) else []
-    asked = [estimates.reported, estimates.best, *papers]
-    reported, likely, *of_paper = response.derived_many(asked)
+    points = [estimates.reported, estimates.best, *papers]
+    reported, likely, *of_paper = response.derived_many(points)
     read_at = places_of_outputs(solution.objective.data.measurements)
     places = tuple(label for each in read_at.values() for label, _ in each)
     for name, values in reported.items():

@@ -104,7 +104,7 @@ def infer(
     """Values, intervals and verdicts of a fit: of the profiles, else of the linearised problem.
 
     A failure or an interruption on the way costs the profiles, not the values: these then keep
-    their linearised errors, and a warning says so. An interrupted fit has no profiles.
+    their linearised errors, and a warning reports it. An interrupted fit has no profiles.
 
     Args:
         fit: a solved problem.
@@ -136,9 +136,10 @@ def infer(
 class _Reading:
     """The most likely parameters (n,), in their units, and what was found on the way.
 
-    `determined` is None where no profiles were scanned, `missing` says why; `adequacy` whether the
-    model will do, None where that was not tested; `inflation` that of the stated noise; `at_bounds`
-    names the parameters that the data would move beyond their bounds, where no profiles do.
+    `determined` is None where no profiles were scanned, `missing` is the reason; `adequacy` whether
+    the model will do, None where that was not tested; `inflation` that of the stated noise;
+    `at_bounds` names the parameters that the data would move beyond their bounds, where no profiles
+    do.
     """
 
     best: FloatArray
@@ -209,8 +210,8 @@ def _read(
     adequacy = adequacy_of(optimum, solution.structure, closer, scale_off)
     # an image by a symmetry at which every output has a value is as likely
     best = to_model(solution.parameters, with_values(replace(fit.outcome, x=optimum.expansion.x)).x)
-    held = active_bounds_at(optimum.likelihood, optimum.expansion, ())
-    names = tuple(solution.parameters[i].name for i in held)
+    active = active_bounds_at(optimum.likelihood, optimum.expansion, ())
+    names = tuple(solution.parameters[i].name for i in active)
     return _Reading(best, adequacy, optimum.likelihood.inflation, missing=missing, at_bounds=names)
 
 

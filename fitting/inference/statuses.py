@@ -161,7 +161,7 @@ def _interval(scans: Scans, quantity: Quantity, unit: str, turn: FloatArray) -> 
         # side it does from the other, where a scan found no way
         below, above = ("bound" if end in ("periodic", "failed") else end for end in closed)
         closed = (below, above)
-    held = [parameters[i].name for side in (low, high) for i in side.active]
+    active = [parameters[i].name for side in (low, high) for i in side.active]
     return _Interval(
         parameter=parameter,
         unit=unit,
@@ -173,7 +173,7 @@ def _interval(scans: Scans, quantity: Quantity, unit: str, turn: FloatArray) -> 
         ci68=tuple(ci68),
         ci95=tuple(ci95),
         closed=closed,
-        active=tuple(dict.fromkeys(held)),
+        active=tuple(dict.fromkeys(active)),
         is_closed=math.isfinite(low.own95) and math.isfinite(high.own95),
     )
 
@@ -203,8 +203,8 @@ def _with_other_fits(
             others.append(value)
         # where there is an alternative, points without a value of some output count, too: they may
         # have one there
-        is_asked = exchange is None and has_alternative
-        if is_asked and contradicts(value, here.ci95, here.period, slack):
+        is_compared = exchange is None and has_alternative
+        if is_compared and contradicts(value, here.ci95, here.period, slack):
             exchange = value, other.where or ANOTHER
     ends = here.ci95
     if (others or exchange) and len(by_data) == 1:  # another fit lies beyond the only closed end
@@ -462,7 +462,7 @@ def equal_fit(
     settings: Mapping[str, Scalar],
     noise: RowNoise,
 ) -> Equivalent | None:
-    """Another alternative at its most likely point; None where the data tell it from this one.
+    """Another alternative at its most likely point; None where the data exclude it.
 
     Args:
         other: objective of the other alternative, and search vectors to begin at.

@@ -292,7 +292,7 @@ class Clipped:
     Attributes:
         limit: size of cut points, of complex values of the cut part, in the trace's unit.
         count: number of them.
-        beside: further excluded points, where noise decides which are cut.
+        beside: further excluded points, where noise determines which are cut.
         low_hz: first excluded point, Hz.
         high_hz: last one, Hz.
         width_hz: FWHM with all points, Hz; NaN of complex values.

@@ -463,7 +463,7 @@ class NoiseLine(MeasuredLine):
         return ("frequency", "width", "power")[: len(self.correl)]
 
     @property
-    def minus_twice_likely(self) -> float:
+    def minus_two_log_likelihood(self) -> float:
         """Minus twice the logarithm of Whittle's likelihood, but for a constant."""
         return self.chisqr
 

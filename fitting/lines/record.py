@@ -416,7 +416,7 @@ class MeasuredLine(LineResult):
         return len(self.points.place) * (2 if self.is_complex else 1)
 
     @property
-    def minus_twice_likely(self) -> float:
+    def minus_two_log_likelihood(self) -> float:
         """Minus twice the logarithm of the likelihood of normal noise, but for a constant."""
         return self.rows * math.log(self.chisqr / self.rows) if self.chisqr > 0.0 else -math.inf
 

@@ -288,10 +288,10 @@ def _place(
     residuals = (values - best.curve) / float(np.max(np.abs(values)))
     known = [Place(line.frequency.value, line.width.value) for line in (best, *best.others)]
     widths = NARROWEST * best.width.value, WIDEST * best.width.value
-    found = strongest_line(f, residuals, widths, known)
-    if found is None:
+    strongest = strongest_line(f, residuals, widths, known)
+    if strongest is None:
         return None
-    gain, at, width, height = found
+    gain, at, width, height = strongest
     rows = residuals.size * (2 if np.iscomplexobj(values) else 1)
     noise = max((best.squares - gain) / max(1, rows - best.unknowns), 1e-12)
     size = best.amplitude.value / float(np.max(np.abs(values)))

@@ -59,7 +59,7 @@ BEAT_STEPS = 400
 #: Steps of a run from which it is timed at its beginning, and drives that are timed.
 TIMED, MOST_TIMED = 4e3, 4
 #: Looks by which it shows whether amplitudes repeat, how far apart they are in periods, and the
-#: held steps in a period that tell these times apart.
+#: held steps in a period that distinguish these times.
 SHIFTS, SHIFT, FINEST = 9, 0.01, 100
 #: A reduction is taken where an evaluation then takes less than this part of the processor time.
 CHEAPER = 0.8

@@ -118,7 +118,7 @@ def even() -> Objective:
 def at(x: float, *others: tuple[float, float], twin: Twin | None = None) -> Outcome:
     """An end, other minima with their chi square, and a symmetry."""
     minima = tuple(
-        Minimum(x=np.array([y]), begun=np.array([y]), chi_square=square) for y, square in others
+        Minimum(x=np.array([y]), start=np.array([y]), chi_square=square) for y, square in others
     )
     search = SearchResult(
         screened=1,

@@ -197,7 +197,7 @@ def test_a_difference_of_one_counts_or_of_a_hundredth(chi_square: float, counts:
     assert worth(chi_square) == counts
 
     def minimum(height: float) -> Minimum:
-        return Minimum(x=np.zeros(1), begun=np.zeros(1), chi_square=height)
+        return Minimum(x=np.zeros(1), start=np.zeros(1), chi_square=height)
 
     minima = [minimum(chi_square + step * counts) for step in (0.0, 0.99, 1.01)]
     assert lowest(minima) == minima[:2]

@@ -61,8 +61,8 @@ def test_parts_share_nothing_with_each_other_and_one_more_error_is_shared_by_all
     joined = RowCovariance.joined(parts)
     assert dense(joined) == pytest.approx(whole)
     shared = RNG.standard_normal(12)
-    assert dense(joined.beside(shared)) == pytest.approx(whole + np.outer(shared, shared))
-    assert joined.beside(np.zeros(12)) is joined
+    assert dense(joined.with_shared(shared)) == pytest.approx(whole + np.outer(shared, shared))
+    assert joined.with_shared(np.zeros(12)) is joined
 
 
 def test_what_a_simulation_may_be_off_by_is_that_of_its_columns() -> None:

@@ -198,7 +198,7 @@ def test_the_command_ends_with_four_where_the_model_does_not_describe_the_data(
 def test_the_chi_square_of_the_box_is_told_as_that_of_the_box() -> None:
     """It is not the one by which the model is judged: that may lie beyond the box, and lower."""
     minima = tuple(
-        Minimum(x=np.zeros(1), begun=np.zeros(1), chi_square=height) for height in (4900.0, 7000.0)
+        Minimum(x=np.zeros(1), start=np.zeros(1), chi_square=height) for height in (4900.0, 7000.0)
     )
     search = SearchResult(
         screened=64,

@@ -355,7 +355,7 @@ def test_a_minimum_as_low_is_named_where_a_value_that_is_held_differs(honest: So
     fit, axis = replace(honest.fit, solution=solution), np.eye(n)[0]
     for sigmas, count in ((10.0, 1), (2.0, 0)):
         places = [fit.outcome.x, fit.outcome.x + 0.01 * sigmas * axis]
-        minima = tuple(Minimum(x=x, begun=x, chi_square=4.0, descents=1) for x in places)
+        minima = tuple(Minimum(x=x, start=x, chi_square=4.0, descents=1) for x in places)
         outcome = replace(fit.outcome, search=SEARCH, minima=minima)
         outcomes = tuple(outcome if o is fit.outcome else o for o in fit.outcomes)
         solved = replace(honest, fit=replace(fit, outcomes=outcomes))

@@ -104,7 +104,7 @@ def check_assumed_values(solved: Solved) -> Iterator[Finding]:
         return
     prior = prior_sigmas(solution.parameters, solution.nu)
     whitened = solution.noise.covariance.whitened
-    fixed = np.vstack([whitened(solution.seen), np.diag(1.0 / prior)])
+    fixed = np.vstack([whitened(solution.secant_matrix), np.diag(1.0 / prior)])
     rows = np.column_stack([column.change for column in columns])
     added = np.vstack([rows, np.zeros((prior.size, len(columns)))])
     places = {p.name: i for i, p in enumerate(solution.parameters)}
@@ -278,7 +278,7 @@ def _follow_slopes(solution: Solution, other: Objective) -> tuple[FloatArray, fl
     """
     whitened = solution.noise.covariance.whitened
     prior = prior_sigmas(solution.parameters, solution.nu)
-    matrix = np.vstack([whitened(solution.seen), np.diag(1.0 / prior)])
+    matrix = np.vstack([whitened(solution.secant_matrix), np.diag(1.0 / prior)])
     start, here = solution.final.x, solution.final.residuals
     errors = np.sqrt(np.diag(solution.errors.covariance))
 

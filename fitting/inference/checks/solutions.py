@@ -26,7 +26,7 @@ from fitting.campaign.laws import in_base
 from fitting.campaign.parameters import Parameter, to_model, to_search
 from fitting.fit.alternative import Outcome
 from fitting.fit.fit import Fit, Solution, Status
-from fitting.fit.linearisation import DETERMINED as HELD
+from fitting.fit.linearisation import DETERMINED as BY_DATA
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Point, evaluate_many
 from fitting.fit.options import LIKELIHOOD
@@ -294,15 +294,15 @@ def check_correlation(solved: Solved) -> Iterator[Finding]:
 
 
 def check_minima(solved: Solved) -> Iterator[Finding]:
-    """Minima as low as the reported one at which a value that the data hold is another.
+    """Minima as low as the reported one at which a value that the data determine is another.
 
-    Images of it by the model's symmetries are none, and along an open valley nothing is held.
+    Images of it by the model's symmetries are none, and along an open valley none counts.
     """
     outcome, solution = solved.fit.outcome, solved.fit.solution
     parameters, errors = solution.parameters, solution.errors
     shared = [p for p in parameters if not p.experiments]
     about = {"values": tuple(p.name for p in shared), "units": tuple(p.unit for p in shared)}
-    held = np.array([errors.of(axis)[1] >= HELD for axis in np.eye(len(parameters))])
+    by_data = np.array([errors.of(axis)[1] >= BY_DATA for axis in np.eye(len(parameters))])
     apart = SIGMAS_APART * np.sqrt(np.diag(errors.covariance))
     known = [outcome.x]
     for twin in outcome.twins:
@@ -311,7 +311,7 @@ def check_minima(solved: Solved) -> Iterator[Finding]:
     periods = np.array([(p.period or np.inf) / p.scale for p in parameters])
     for k, minimum in enumerate(lowest(outcome.minima)):
         gap = np.mod(np.abs(np.array(known) - minimum.x), periods)
-        if np.all(np.any(held & (np.minimum(gap, periods - gap) > apart), axis=1)):
+        if np.all(np.any(by_data & (np.minimum(gap, periods - gap) > apart), axis=1)):
             values = named(parameters, to_model(parameters, minimum.x))
             numbers = {"chi_square": minimum.chi_square} | {p.name: values[p.name] for p in shared}
             yield note(Kind.equal_objective, f"minimum {k + 1}", about, **numbers)
@@ -324,7 +324,7 @@ def check_levels(solved: Solved) -> Iterator[Finding]:
     """Levels of Algorithm 2 that are not minimised: by the solver's own word or by a second solver.
 
     A level that ended at its limit of iterations, where the second solver comes by nothing lower,
-    is a note: J is at its minimum, and the solver's own test has not said so.
+    is a note: J is at its minimum, and the solver's own test did not report that.
     """
     history = solved.fit.path
     levels, above, gaps, at_limit = list[str](), list[str](), list[float](), 0

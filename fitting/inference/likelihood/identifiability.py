@@ -239,7 +239,7 @@ def equivalents(
     """
     likelihood, optimum = scans.optimum.likelihood, scans.optimum.expansion.x
     parameters, box = likelihood.parameters, Box(likelihood.parameters)
-    # a parameter that no data close, or that nobody asked for, tells no two minima apart
+    # a parameter that no data close, or that was not requested, distinguishes no two minima
     closed = [
         p.name in scans.sides and any(side.closed == "data" for side in scans.sides[p.name])
         for p in parameters
@@ -301,8 +301,9 @@ def scan_findings(profiles: Mapping[str, Profile]) -> Iterator[Finding]:
     for name, (_, scan) in profiles.items():
         if scan.held:
             by_bounds.setdefault(scan.held, []).append(name)
-    for held, names in by_bounds.items():
-        yield note(Kind.interval_at_bound, ", ".join(names), {"values": tuple(names), "held": held})
+    for bounds, names in by_bounds.items():
+        about = {"values": tuple(names), "held": bounds}
+        yield note(Kind.interval_at_bound, ", ".join(names), about)
     for why in STOPPED.values():
         stopped = [
             name
@@ -431,7 +432,7 @@ def bootstrap(
         known: values by name, for verdicts and where periods are counted from.
         samples: number of synthetic data sets.
         seed: of their noise.
-        progress: is told before every batch what the refits took so far.
+        progress: receives before every batch what the refits took so far.
 
     Raises:
         FmuFailure: the model failed at more points than can be left out.

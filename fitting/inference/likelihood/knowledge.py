@@ -1,6 +1,6 @@
 """What the data determine, as records: profiles, directions, equivalent minima, the choice of nu.
 
-All values are in the units that stand beside them, `nan` (JSON null) where there is none.
+All values are in the units given with them, `nan` (JSON null) where there is none.
 """
 
 from __future__ import annotations
@@ -426,7 +426,7 @@ class Values:
     findings: tuple[Finding, ...] = ()
     """What a reader has to know, decided once."""
     knowledge: Knowledge | None
-    """What the data determine beside values: profiles, directions, other minima."""
+    """What the data determine besides values: profiles, directions, other minima."""
     ending: Ending = field(default_factory=Ending)
     """Whether the model describes the data, and what that rests on."""
 
@@ -451,9 +451,9 @@ class Inferred(Values):
     message: str
     """What `status` means here, a sentence."""
     knowledge: Knowledge | None = None
-    """What the data determine beside values: profiles, directions, other minima."""
+    """What the data determine besides values: profiles, directions, other minima."""
     joint: JointResult | None = None
-    """Several series: what they say alone, together and of each other."""
+    """Several series: what they determine alone and together, and how they agree."""
     quadratures: Quadratures = field(default_factory=Quadratures)
     """What was solved inside complex sweeps, and quality factors behind a wiring."""
     chi_square: float = math.nan

@@ -265,7 +265,7 @@ class _SideScan:
         )
 
     def closed_by(self, beyond: ScanPoint) -> str:
-        """What excludes a point: data, or priors of what drifts, which say nothing of the sample.
+        """What excludes a point: data, or priors of what drifts, which do not concern the sample.
 
         Priors that hold what differs between experiments are stated for lack of anything better, of
         offsets that may be correlated.
@@ -335,9 +335,9 @@ class _SideScan:
         if is_known:  # the data close the side between the two, or bounds of others do
             near = inside if ROOT_95 - inside.root < outside.root - ROOT_95 else outside
             besides = [self.quantity.index] if self.quantity.index >= 0 else []
-            held = self.quantity.constraint(near.value, outside.value - inside.value)
+            constraints = self.quantity.constraint(near.value, outside.value - inside.value)
             likelihood = self.shared.optimum.likelihood
-            bounds = active_bounds_at(likelihood, near.at, besides, held)
+            bounds = active_bounds_at(likelihood, near.at, besides, constraints)
             self.active = tuple({*self.active, *bounds})
             self.closed = self.closed_by(outside)
             if math.isnan(self.first95):
@@ -509,8 +509,8 @@ def _agrees(side: _SideScan, root: float, at: Expansion) -> bool:
     if gain > FOLLOWED * foreseen:
         return False
     besides = [q.index] if q.index >= 0 else []
-    held = q.constraint(value, step) if q.output >= 0 else UNCONSTRAINED
-    return not active_bounds_at(optimum.likelihood, at, besides, held)
+    constraints = q.constraint(value, step) if q.output >= 0 else UNCONSTRAINED
+    return not active_bounds_at(optimum.likelihood, at, besides, constraints)
 
 
 # --- ends of ranges -------------------------------------------------------------------------------
@@ -548,18 +548,18 @@ def _try_ends(
             places = expand(shared.evaluator, [x for _, x in begins])
         except Exhausted:
             break
-        held = []
+        constraints = []
         for side, _ in begins:
             q, step = side.quantity, (side.limit - side.quantity.best) / STEPS
             if q.output >= 0 and is_projected:
                 frozen = tuple(map(int, movable[q.name]))
-                held.append(Constraint(target=side.limit, frozen=frozen))
+                constraints.append(Constraint(target=side.limit, frozen=frozen))
             else:
-                held.append(q.constraint(side.limit, step))
+                constraints.append(q.constraint(side.limit, step))
         least = shared.optimum.least
         most = max(reach(ROOT_95, side.quantity.freedom) ** 2 for side, _ in begins)
         goal = Goal(enough=least + ENOUGH, wanted=least + most, confirmed=False)
-        ends = minimise(shared.evaluator, places, held, goal)
+        ends = minimise(shared.evaluator, places, constraints, goal)
         pairs = zip(begins, ends, strict=True)
         shared.accept([shared.point(side.quantity, end.end) for (side, _), end in pairs])
     for side in reached:
@@ -647,8 +647,8 @@ def _scan(shared: Shared, scans: Sequence[_SideScan]) -> None:
             return
         for scan, at in zip(fresh, slopes, strict=True):
             scan.begin, scan.wants_slopes = at, False
-        held = [scan.constraint() for scan in active]
-        ends = minimise(shared.evaluator, [scan.begin for scan in active], held, goal)
+        constraints = [scan.constraint() for scan in active]
+        ends = minimise(shared.evaluator, [scan.begin for scan in active], constraints, goal)
         near = []
         for k, (scan, end) in enumerate(zip(active, ends, strict=True)):
             root = shared.point(scan.quantity, end.end).root
@@ -657,7 +657,7 @@ def _scan(shared: Shared, scans: Sequence[_SideScan]) -> None:
                 near.append(k)
         if near:
             begins = [ends[k].end for k in near]
-            confirmed = minimise(shared.evaluator, begins, [held[k] for k in near])
+            confirmed = minimise(shared.evaluator, begins, [constraints[k] for k in near])
             for k, end in zip(near, confirmed, strict=True):
                 ends[k] = end
         for scan, end in zip(active, ends, strict=True):

@@ -46,7 +46,7 @@ PER_ROW = 3
 #: Parameters of one unit that share a panel of corrections.
 MOST_IN_PANEL = 6
 #: Share of the error from which a spread over the experiments is seen.
-SEEN = 0.1
+VISIBLE = 0.1
 
 
 def draw_convergence(result: Result, data: ShownCampaign) -> Described:
@@ -107,7 +107,7 @@ def varying(result: Result) -> dict[str, FittedEstimate]:
     return {
         name: d
         for name, d in result.derived.items()
-        if d.status.has_value and d.spread > SEEN * d.std
+        if d.status.has_value and d.spread > VISIBLE * d.std
     }
 
 
