@@ -58,16 +58,6 @@ class RowCovariance:
             row, column = row + height, column + width
         return cls(np.concatenate([part.sigma for part in parts]), common)
 
-    def with_shared(self, shared: FloatArray) -> RowCovariance:
-        """V + u u^T: with one more error that the rows share; nothing changes where it is zero.
-
-        Args:
-            shared: u, shape (m,).
-        """
-        if not np.any(shared):
-            return self
-        return RowCovariance(self.sigma, np.column_stack([self.common, shared]))
-
     @property
     def size(self) -> int:
         """Number m of rows."""

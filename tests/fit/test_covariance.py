@@ -53,16 +53,13 @@ def test_rows_that_share_nothing_are_divided_by_their_own_noise() -> None:
     assert noise.log_determinant == pytest.approx(2.0 * np.sum(np.log(sigma)))
 
 
-def test_parts_share_nothing_with_each_other_and_one_more_error_is_shared_by_all() -> None:
+def test_parts_share_nothing_with_each_other() -> None:
     parts = [random_noise(5, 2, 0.3), random_noise(3, 0, 0.0), random_noise(4, 1, 2.0)]
     whole = np.zeros((12, 12))
     for part, first in zip(parts, (0, 5, 8), strict=True):
         whole[first : first + part.size, first : first + part.size] = dense(part)
     joined = RowCovariance.joined(parts)
     assert dense(joined) == pytest.approx(whole)
-    shared = RNG.standard_normal(12)
-    assert dense(joined.with_shared(shared)) == pytest.approx(whole + np.outer(shared, shared))
-    assert joined.with_shared(np.zeros(12)) is joined
 
 
 def test_what_a_simulation_may_be_off_by_is_that_of_its_columns() -> None:
