@@ -25,7 +25,7 @@ from fitting.text.errors import BadInput
 
 #: Steps in a period of the tone over which an input is held: it is scaled so that its fundamental
 #: is right.
-HELD_STEPS = 28
+HOLD_STEPS = 28
 #: Start, lower and upper bound of a parameter, in the FMU's unit or as texts with a unit.
 Box = tuple[float | str, float | str, float | str]
 #: What is looked for, by the FMU's names or as records.
@@ -145,7 +145,7 @@ def fit_sweep(  # noqa: PLR0913 - keywords that all have defaults
     f, y = np.asarray(frequency_hz, dtype=float), np.asarray(values)
     if tone_names is None:
         # more steps than these cost time alone: the plan measures what they leave
-        drive = Drive(input=input_name or _only(fmu, "input"), samples_per_period=HELD_STEPS)
+        drive = Drive(input=input_name or _only(fmu, "input"), samples_per_period=HOLD_STEPS)
     else:
         drive = Drive(frequency_names=tone_names[:1], amplitude_names=tone_names[1:])
     setup = Setup(

@@ -70,7 +70,7 @@ from fitting.draft.model import (
     opened_offer,
     shown_lines,
 )
-from fitting.extension.fmu import HELD_STEPS
+from fitting.extension.fmu import HOLD_STEPS
 from fitting.extension.records import PLAIN
 from fitting.lines import noise_spectrum
 from fitting.lines.choice import chance
@@ -1027,7 +1027,7 @@ def _drive(
         "frequencies": [c.name for c in table.tones] if table else ["f"],
         "input": noted(driven, "the signal is made here and held over each step"),
         "level": noted(1.0, f"{words}, in the FMU's unit, {offer.unit(driven)}"),
-        "samples_per_period": HELD_STEPS,
+        "samples_per_period": HOLD_STEPS,
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitting.api.direct import HELD_STEPS
+from fitting.api.direct import HOLD_STEPS
 from fitting.api.fmu import opened_fmu
 from fitting.api.problem import fmu_of
 from fitting.engine.run import NeededFile, Where, opened, place_of, run
@@ -19,7 +19,7 @@ from fitting.measurements.late import is_late
 from fitting.simulate.response import USUAL_ACCURACY
 
 __all__ = [
-    "HELD_STEPS",
+    "HOLD_STEPS",
     "USUAL_ACCURACY",
     "FmuDescription",
     "FmuVariable",
