@@ -469,8 +469,7 @@ class _Planner:
             except BadInput:  # no sampling keeps so many lines off the tones
                 break
             order, finer, bound = lower, higher, SAFETY * self.probe.errors(here, better)
-            # the same window keeps both orders off the tones, and shows nothing
-            if bound <= self._share(Kind.SAMPLES) and here is not better:
+            if bound <= self._share(Kind.SAMPLES):
                 break
         counts = [window.samples for window in self.probe.windows(settle_s, order)]
         numbers: dict[str, Scalar] = {"least": min(counts), "most": max(counts)}

@@ -145,5 +145,5 @@ def test_a_dry_run_writes_nothing(
 
 
 def test_what_is_no_problem_is_refused() -> None:
-    with pytest.raises(ff.BadInput, match=r"cost: .*\bstr\b"):
+    with pytest.raises(ff.BadInput, match=r"cost: .*'campaign.toml', wanted a Problem"):
         ff.cost("campaign.toml")  # type: ignore[arg-type]

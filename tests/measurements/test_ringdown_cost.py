@@ -94,7 +94,7 @@ def test_an_input_is_set_where_it_changes_alone() -> None:
     fmu, access = _Calls(), object()
     read: list[float] = []
     stride: Any = simulation._stride_in_steps
-    stride(fmu, access, request, lambda _: read.append(fmu.value), lambda _: None)
+    stride(fmu, access, request, fmu.step, lambda _: read.append(fmu.value), lambda _: None)
     assert read == [2.0, 0.0, 0.0, 0.0, 3.0]
     steps = [call[2] for call in fmu.made if call[0] == "step"]
     assert steps == [2.0, 0.0, 0.0, 3.0]
