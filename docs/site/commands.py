@@ -78,7 +78,8 @@ def _option(action: argparse.Action) -> tuple[str, str]:
     elif action.nargs in ("+", "*"):
         value = f"{value} ..."
     values = {name: value for name, value in vars(action).items() if value is not None}
-    text = escaped((action.help or "") % values if "%" in (action.help or "") else action.help)
+    printed = action.help or ""
+    text = escaped(printed % values if "%" in printed else printed)
     if action.required and action.option_strings:
         text += " (required)"
     elif action.default and str(action.default).removesuffix(".0") not in text:

@@ -48,7 +48,7 @@ def _lists(
     """
     earlier = dict(described)
     for causality, title in TITLES.items():
-        alike = dict[tuple[str, ...], list[FmuVariable]]()
+        alike = dict[tuple[str, str], list[FmuVariable]]()
         names = []
         for variable in model.variables.values():
             if variable.causality != causality:
@@ -61,8 +61,8 @@ def _lists(
             form = (DIFFERENT.sub("#", variable.name), DIFFERENT.sub("#", variable.description))
             alike.setdefault(form, []).append(variable)
         lines = []
-        for form, group in alike.items():
-            first = forms.setdefault(form[1], group[0].name)
+        for (_, words), group in alike.items():
+            first = forms.setdefault(words, group[0].name)
             text = escaped(group[0].description)
             if first != group[0].name and len(text.split()) > SHORT:
                 text = f"as {code(first)}"

@@ -88,7 +88,9 @@ def _records(record: type[Any]) -> list[type[Any]]:
         met += [
             each
             for each in dict.fromkeys(held)
-            if dataclasses.is_dataclass(each) and each not in (*met, LineNumber)
+            if isinstance(each, type)
+            and dataclasses.is_dataclass(each)
+            and each not in (*met, LineNumber)
         ]
     return met
 
@@ -99,7 +101,7 @@ def _bases() -> set[type[Any]]:
     held = {record for _, root in ROOTS for record in _records(root)}
     count = Counter(base for record in held for base in record.__mro__[1:])
     return {
-        kind for kind, n in count.items() if n > 1 and getattr(kind, "__dataclass_fields__", ())
+        kind for kind, n in count.items() if n > 1 and getattr(kind, "__dataclass_fields__", None)
     }
 
 

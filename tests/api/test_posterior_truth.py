@@ -100,8 +100,8 @@ def test_a_bent_valley_that_bounds_cut(seed: int) -> None:
         lambda p: p[:, 0],
         lambda p: p[:, 1],
         lambda p: p[:, 0] ** 2,
-        lambda p: 1.0 * (p[:, 0] < -0.8),
-        lambda p: 1.0 * (p[:, 1] > 1.8),
+        lambda p: (p[:, 0] < -0.8).astype(float),
+        lambda p: (p[:, 1] > 1.8).astype(float),
     ]
     truth = means_of_grid(lambda p: -0.5 * ((p[:, 1] - p[:, 0] ** 2) / 0.1) ** 2, axes, functions)
     require_means(found, functions, truth)
@@ -122,7 +122,7 @@ def test_noise_that_nothing_states(seed: int) -> None:
         lambda p: p[:, 0],
         lambda p: p[:, 1],
         lambda p: p[:, 0] * p[:, 1],
-        lambda p: 1.0 * (p[:, 1] < 0.28),
+        lambda p: (p[:, 1] < 0.28).astype(float),
     ]
     truth = means_of_grid(
         lambda p: -4.0 * np.log(np.sum((decay.of(p) / measured - 1.0) ** 2, axis=1)),

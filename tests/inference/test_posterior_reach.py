@@ -62,7 +62,8 @@ def test_an_end_that_fits_and_that_no_draw_is_near_is_missed() -> None:
     assert missed(determined(), draws(5.0, 95.0)) is None
     found = missed(determined(), draws(5.0, 56.6))
     assert found is not None
-    assert (found.subject, found.numbers["value"]) == ("d", pytest.approx(100.0))
+    assert found.subject == "d"
+    assert found.numbers["value"] == pytest.approx(100.0)
     assert found.numbers["nearest"] == pytest.approx(56.6)
     lower = missed(determined(), draws(40.0, 99.0))  # the farthest of two
     assert lower is not None

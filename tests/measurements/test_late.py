@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -109,8 +110,8 @@ def test_outputs_that_are_read_later_are_those_of_their_time(late_fmu: Path) -> 
     """Whatever divides the time: tones, values over steps, a variable moved, short steps, none."""
     force = np.random.default_rng(1).uniform(-1.0, 1.0, (40, 1))
     held = SampledSignal(("force",), 0.0025, force, np.zeros((19, 1)))
-    shared = {"settle_s": 0.01, "sample_step_s": 0.005, "outputs": ("x",)}
-    signals = [
+    shared: dict[str, Any] = {"settle_s": 0.01, "sample_step_s": 0.005, "outputs": ("x",)}
+    signals: list[dict[str, Any]] = [
         {"input_signal": InputSignal("force", ((7.0, 1.0, 0.3),), 0.0025), "samples": 9},
         {"input_signal": held, "samples": 19},
         {"samples": 9, "longest_step_s": 0.002},

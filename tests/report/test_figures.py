@@ -355,7 +355,7 @@ def test_improvement_is_final_over_initial(result: Result, data: ShownCampaign) 
 
 
 def test_a_peak_moved_by_ten_sigma_stands_out(data: ShownCampaign) -> None:
-    sigma = records.SIGMA_V / np.concatenate([e.peaks for e in data.tones])
+    sigma = records.SIGMA_V / np.concatenate([e.peaks for e in records.measured(data)])
     errors = 0.8 * sigma * (-1.0) ** np.arange(10)
     errors[5] = 10.0 * sigma[5]  # second tone of the third pair
     bad = records.result_for(data, final=list(errors))
