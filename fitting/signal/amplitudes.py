@@ -10,7 +10,10 @@ import numpy as np
 
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
-from fitting.text.units import convert, parse_quantity
+from fitting.text.units import convert, parse_quantity, same_kind
+
+#: Units of powers, whose roots are amplitudes.
+POWERS = ("W", "V**2", "A**2", "m**2")
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,11 @@ def check_amplitude(text: str, where: str) -> None:
             '(another detector unit likewise, as "m peak")'
         )
     parse_quantity(f"1 {words[0]}", where=where)  # refuses a unit that does not exist
+    if any(same_kind(words[0], power) for power in POWERS):
+        raise BadInput(
+            f'{where}: found "{text}", a power; wanted an amplitude (the root of such a column), '
+            'as "V peak", or "dBm"'
+        )
 
 
 def declared_amplitude(text: str, impedance_ohm: float | None, where: str) -> Amplitude:

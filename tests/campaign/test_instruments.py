@@ -329,6 +329,8 @@ def test_amplitude_declarations() -> None:
         ("dBm", None, 'impedance = "50 ohm"'),
         ("V peak", 50.0, 'impedance .*"dBm"'),
         ("Vlot peak", None, "Vlot"),
+        ("mW peak", None, "a power; .*root"),
+        ("V**2 rms", None, "a power; .*root"),
     ],
 )
 def test_bad_declarations(text: str, impedance: float | None, words: str) -> None:
