@@ -55,7 +55,7 @@ from fitting.resonance.file_control import (
 )
 from fitting.resonance.noise_reading import stated_density
 from fitting.resonance.reading import (
-    POWERS,
+    SQUARES,
     Columns,
     Roles,
     hertz_in,
@@ -145,7 +145,7 @@ class MapFile:
             BadInput: powers, or a spectrum of zeros.
         """
         sizes = self.roles.sizes
-        if sizes is not None and sizes.unit and any(same_kind(sizes.unit, p) for p in POWERS):
+        if sizes is not None and sizes.unit and any(same_kind(sizes.unit, p) for p in SQUARES):
             raise self.refused(f"'{sizes.name}' is a power, wanted its root, an amplitude")
         if not all(np.any(values) for _, values in self.spectra):
             raise self.refused("a spectrum is zero at all frequencies, wanted a resonance")

@@ -15,6 +15,7 @@ from fitting.campaign.recognised import recognised
 from fitting.lines.names import TIME_WAY
 from fitting.lines.trace import Trace, swapped, trace_of
 from fitting.resonance.control_map import ControlMap, map_of
+from fitting.signal.amplitudes import POWERS
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput
@@ -24,7 +25,7 @@ from fitting.text.tables import hertz_of
 from fitting.text.units import convert, same_kind
 
 #: Units of squares of amplitudes, with and without the density over frequency.
-POWERS = ("W", "V**2", "A**2", "m**2", "W/Hz", "V**2/Hz", "A**2/Hz", "m**2/Hz")
+SQUARES = (*POWERS, *(f"{power}/Hz" for power in POWERS))
 
 #: Names of columns that a complaint lists.
 MOST_SHOWN = 12
@@ -476,7 +477,7 @@ def _amplitudes(recording: Recording, channel: Channel) -> tuple[FloatArray, str
     if unit.startswith("dB"):
         root = ROOT_MW if unit == "dBm" else "1"
         return np.asarray(10.0 ** (values / 20.0)), root, [converted]
-    if any(same_kind(unit, power) for power in POWERS):
+    if any(same_kind(unit, power) for power in SQUARES):
         for i in np.flatnonzero(values < 0.0)[:1]:
             raise BadInput(
                 f"{recording.path}: {recording.places[i]}, column '{channel.name}': "
