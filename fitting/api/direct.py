@@ -118,6 +118,9 @@ def fit_sweep(  # noqa: PLR0913 - keywords that all have defaults
 
         p = argmin sum_k |L_k - g A(f_k; p)|^2        g by least squares, complex for complex values
 
+    Other tones of the FMU must be off: of those named like ``tone_names``, as u2 and A2 next to u1
+    and A1, ``start_values`` sets the amplitude to 0; everything else has its start value.
+
     Args:
         fmu: The FMU, its path, or a model of this project.
         frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.

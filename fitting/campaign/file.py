@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from fitting.campaign.instruments import LAYOUTS
 from fitting.campaign.instruments.recording import Columns, Selection
@@ -342,6 +342,11 @@ class WrittenExperiments(WrittenTrace):
 @dataclass(frozen=True, kw_only=True)
 class WrittenSweep(WrittenTrace):
     """The FRF sweep: its file, the FMU variables during it, what it serves."""
+
+    elsewhere: ClassVar[Mapping[str, str]] = {
+        "sigma": "; the standard deviation of its amplitudes is that of all: [noise] absolute or "
+        "relative (without them the points' scatter); set_sigma is of values in set"
+    }
 
     file: FileName
     """The measured FRF, at least 8 points."""

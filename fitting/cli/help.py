@@ -7,7 +7,7 @@ import itertools
 import re
 import shutil
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from fitting.cli.words.parser import COMMANDS, parsed
@@ -21,6 +21,10 @@ FOLDERS = ("reference", "how-to", "tutorials", "explanation")
 #: Columns of a terminal's line that tables are fit into, at most and at least.
 WIDTH, LEAST_WIDTH = 100, 40
 _LINK = re.compile(r"!?\[(?P<text>[^\]]*)\]\((?P<to>[^)]*)\)")
+#: Pages of which every entry of a list begins with a name that is looked up: a key, a finding.
+ENTRIES = ("campaign", "findings")
+_HEADING = re.compile(r"#+ (?P<name>.*)")
+_ENTRY = re.compile(r"[-*] `(?P<name>[^`]*)`.*")
 _CELL = re.compile(r"\s(?<!\\)\|\s")
 
 
@@ -30,15 +34,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "topic",
         nargs="?",
         metavar="TOPIC",
-        help="a page or a command; without it the pages are listed",
+        help="a page, a command, or a word of headings, keys and findings; without it the pages "
+        "are listed",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print a page, the options of a command, or the list of pages; returns 0.
+    """Print a page, the options of a command, or a list of pages; returns 0.
 
     Raises:
-        BadInput: there is no page and no command of that name.
+        BadInput: there is no page and no command of that name, and no heading with that word.
     """
     listed: dict[str, Path] = {}
     every: dict[str, Path] = {}
@@ -57,15 +62,49 @@ def run(args: argparse.Namespace) -> int:
         parsed([topic, "--help"])
     elif topic in listed or topic in every:
         print(*_on_terminal((listed.get(topic) or every[topic]).read_text("utf-8")), sep="\n")
+    elif places := list(_places(topic, listed)):
+        print(f"no page {topic!r}; pages that have the word in a heading, a key or a finding:\n")
+        width = max(len(page) for page, _ in places)
+        for page, words in places:
+            print(f"{page:{width}}  {textwrap.shorten(words, _width() - width - 2)}")
     else:
         hint = did_you_mean(topic, [*listed, *COMMANDS], listed=False)
         raise BadInput(f"no page {topic!r}{hint} (see fmu-fit help)")
     return 0
 
 
+def _places(word: str, pages: Mapping[str, Path]) -> Iterator[tuple[str, str]]:
+    """Headings, keys and findings whose names have a word in them, each with the name of its page.
+
+    The word may be a plural, and begins where a word of the name does.
+    """
+    stem = re.sub(r"(?<=\w\w)s$", "", word.strip())
+    if not stem:
+        return
+    wanted = re.compile(rf"(?<![^\W_]){re.escape(stem)}", re.IGNORECASE)
+    for page, path in pages.items():
+        table = ""
+        text = re.sub(r"```.*?```", "", path.read_text("utf-8"), flags=re.DOTALL)
+        for line in text.splitlines():
+            if heading := _HEADING.fullmatch(line):
+                table = heading["name"].replace("`", "")
+                if wanted.search(table):
+                    yield page, table
+                continue
+            entry = _ENTRY.fullmatch(line) if page in ENTRIES else None
+            if entry and wanted.search(entry["name"]):
+                place = f"{table} " if table.startswith("[") else ""
+                yield page, place + _LINK.sub(_named, line[2:]).replace("`", "")
+
+
+def _width() -> int:
+    """Columns of a line."""
+    return max(LEAST_WIDTH, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
+
+
 def _on_terminal(page: str) -> Iterator[str]:
     """A page of Markdown for a terminal: tables in columns, lists wrapped, links by their pages."""
-    width = max(LEAST_WIDTH, min(WIDTH, shutil.get_terminal_size((WIDTH, 0)).columns))
+    width = _width()
     page = re.sub(r"<!--.*?-->\n?", "", page, flags=re.DOTALL)
     page = _LINK.sub(_named, page)
     for is_table, block in itertools.groupby(page.splitlines(), lambda line: line.startswith("|")):

@@ -62,6 +62,8 @@ class Keys:
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+    #: Keys that people look for in this table, and what a complaint about one ends with.
+    elsewhere: ClassVar[Mapping[str, str]] = {}
 
     def refuse(self, sentence: str, *keys: str) -> None:
         """Refuse keys that are written although they have no meaning.
@@ -443,13 +445,16 @@ def _complaints(
         place, key = (*names, *loc), str(loc[-1]) if loc else ""
         match e["type"]:
             case "unexpected_keyword_argument":
-                known = sorted(_fields(kind, loc[:-1])) if len(lines) < MOST_HINTS else []
+                record = _record_at(kind, loc[:-1])
+                known = sorted(f.name for f in fields(record)) if len(lines) < MOST_HINTS else []
+                hint = getattr(record, "elsewhere", {}).get(key) or did_you_mean(key, known)
                 where = source.where(place[:-1], table=True)
-                lines.append(f"{where}: unknown key '{key}'{did_you_mean(key, known)}")
+                lines.append(f"{where}: unknown key '{key}'{hint}")
             case "missing":
                 if is_misspelt(loc) or is_misspelt(loc[:-1]):
                     continue
-                notes = _fields(kind, loc[:-1]).get(key, ())
+                hints = typing.get_type_hints(_record_at(kind, loc[:-1]), include_extras=True)
+                notes = getattr(hints.get(key), "__metadata__", ())
                 wanted = next((f": {n.wanted}" for n in notes if isinstance(n, Missing)), None)
                 hint = did_you_mean(key, sorted(value), listed=False) if wanted is None else wanted
                 where = source.where(place[:-1], table=True)
@@ -476,8 +481,8 @@ def _complaints(
     return tuple(dict.fromkeys(lines))
 
 
-def _fields(kind: Any, loc: Place) -> dict[str, tuple[Any, ...]]:
-    """Keys of the record at a place inside another, with the annotations of each.
+def _record_at(kind: Any, loc: Place) -> Any:
+    """The class of the record at a place inside another.
 
     Keys of free tables and indices of lists are passed over.
     """
@@ -489,13 +494,11 @@ def _fields(kind: Any, loc: Place) -> dict[str, tuple[Any, ...]]:
         for each in inner[:1] if typing.get_origin(hint) is Annotated else inner:
             yield from types(each)
 
-    hints = typing.get_type_hints(kind, include_extras=True)
     for step in loc:
+        hints = typing.get_type_hints(kind, include_extras=True)
         if step in hints:
             kind = next(filter(dataclasses.is_dataclass, types(hints[str(step)])), kind)
-            hints = typing.get_type_hints(kind, include_extras=True)
-    names = [f.name for f in dataclasses.fields(kind)]
-    return {name: getattr(hints[name], "__metadata__", ()) for name in names}
+    return kind
 
 
 def _placed(value: Any, source: _Source, place: Place) -> Any:

@@ -118,6 +118,12 @@ WRONG = {
     "unit of a start value": (TOML, '"1 g"', '"1 s"', ["mass: ", "'s'", "'kg'"]),
     "no unit at all": (TOML, '"3 kHz"', "3000", ["[observe] line_width: 3000", "unit"]),
     "unknown key": (TOML, "timeout_s", "time_out", ["[fmu]: ", "'time_out'", "timeout_s"]),
+    "noise of the sweep": (
+        TOML,
+        "[sweep]\n",
+        '[sweep]\nsigma = "1 uV"\n',
+        ["[sweep]: unknown key 'sigma'", "[noise] absolute or relative"],
+    ),
     "not TOML": (TOML, "[fmu]", "[fmu", ["campaign.toml: ", "TOML", "line 2"]),
     "decimal comma": (
         TOML,

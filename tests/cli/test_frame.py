@@ -15,7 +15,7 @@ import pytest
 import fitting
 from fitting.cli.help import WIDTH
 from fitting.cli.main import main
-from fitting.cli.words.parser import COMMANDS, command_of
+from fitting.cli.words.parser import COMMANDS, command_of, parsed
 
 ROOT = Path(__file__).parents[2]
 
@@ -98,6 +98,42 @@ def test_help_prints_tables_and_links_for_a_terminal(capsys: pytest.CaptureFixtu
         assert "](" not in text, path
         assert not re.search(r"^\|", text, re.MULTILINE), path
         assert all(len(line) <= WIDTH for line in text.splitlines() if line.startswith("- ")), path
+
+
+@pytest.mark.parametrize(
+    ("word", "places"),
+    [
+        ("laws", [r"campaign +\[laws\]", "python +ff.Laws", "findings +law_followed"]),
+        ("noise", ["noise-spectra +Fit a noise spectrum", r"campaign +\[noise\]"]),
+        ("slip", ["model +The paper's slips"]),
+    ],
+)
+def test_help_finds_pages_by_a_word(
+    word: str, places: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["help", word]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for place in places:
+        assert any(re.match(place, line) for line in lines), place
+    assert all(len(line) <= WIDTH for line in lines)
+    assert main(["help", "xyzzy"]) == 2
+    assert main(["help", ""]) == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "design c.toml --candidates a.toml --candidates b.toml",
+        "simulate CoupledOscillator --out a --samples 8 --samples=8",
+        "line a.csv --shape fano --shape duffing",
+    ],
+)
+def test_a_value_is_given_once(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words.split()) == 2
+    option = re.findall(r"--\w+", words)[-1]
+    assert f"{option}: is given twice, wanted once" in capsys.readouterr().err
+    # what may be repeated still may
+    assert parsed(["simulate", "FMU", "--set", "a=1", "--set", "b=2"]).set == ["a=1", "b=2"]
 
 
 def test_help_lists_every_page(capsys: pytest.CaptureFixture[str]) -> None:

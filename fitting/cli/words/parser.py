@@ -8,7 +8,7 @@ import importlib
 import re
 from collections.abc import Sequence
 from types import ModuleType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import fitting
 from fitting.text.errors import BadInput, did_you_mean
@@ -63,8 +63,25 @@ EXIT_CODES = {
 SHIPPED = re.compile(r" (\w+)/campaign\.toml")
 
 
+class _Once(argparse._StoreAction):
+    """An option with one value: of two the last would silently be taken, so they are refused."""
+
+    is_given = False
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
+        if option is not None and self.is_given:
+            raise argparse.ArgumentError(self, "is given twice, wanted once")
+        self.is_given = True
+        super().__call__(parser, namespace, values, option)
+
+
 class Parser(argparse.ArgumentParser):
-    """Reports errors in one line, like everything else here."""
+    """Reports errors in one line, like everything else here; made anew for every command line."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        for action in (None, "store"):  # what an option does where it states nothing else
+            self.register("action", action, _Once)
 
     def error(self, message: str) -> NoReturn:
         """Refuse the words of the command line.
