@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 
 from fitting.fmu.accuracy import Reduction
 from fitting.fmu.runs import Run
@@ -460,17 +459,27 @@ class _Planner:
     def _samples(
         self, settings: Mapping[str, Scalar], settle_s: float
     ) -> tuple[int, list[Reading]]:
-        """The least order of combinations kept off the tones at which more change nothing."""
+        """The least order of combinations kept off the tones at which more change nothing.
+
+        Two orders that have the same samples prove nothing: an order is compared with the next one
+        that changes them. Where no other can be sampled, what the tones leave in the samples bounds
+        what combinations add to the tones.
+        """
         order, finer, bound = ORDERS[0], ORDERS[0], math.inf
-        for lower, higher in pairwise(ORDERS):
+        lower, here = order, self.probe.read(settings, settle_s, order)
+        for higher in ORDERS[1:]:
             try:
-                here = self.probe.read(settings, settle_s, lower)
                 better = self.probe.read(settings, settle_s, higher)
             except BadInput:  # no sampling keeps so many lines off the tones
                 break
+            if better is here:
+                continue
             order, finer, bound = lower, higher, SAFETY * self.probe.errors(here, better)
             if bound <= self._share(Kind.SAMPLES):
                 break
+            lower, here = higher, better
+        if math.isinf(bound):
+            bound = SAFETY * self.probe.unexplained(here)
         counts = [window.samples for window in self.probe.windows(settle_s, order)]
         numbers: dict[str, Scalar] = {"least": min(counts), "most": max(counts)}
         numbers |= {"order": order, "finer": finer, "safety": SAFETY}

@@ -246,7 +246,8 @@ class Probe:
             order: highest sum of the absolute factors.
         """
         windows = self.windows(settle_s, order)
-        key = (_key(settings), *windows)
+        # what else a window keeps off the tones does not change its samples
+        key = (_key(settings), *(replace(w, mixture_bins=(), mixtures=0) for w in windows))
         if key not in self._readings:
             answers = self.workers.run(self._runs(settings, windows))
             self._readings[key] = list(map(_reading, self.drives, windows, answers))
@@ -308,6 +309,15 @@ class Probe:
             for drive, f, t in zip(self.drives, result, truth, strict=True)
         ]
         return self._relative(sizes, truth)
+
+    def unexplained(self, readings: Sequence[Reading]) -> float:
+        """Largest root mean square of what the tones leave in the samples, over the tones.
+
+        Args:
+            readings: one per drive.
+        """
+        sizes = [np.broadcast_to(reading.rest, reading.tones.shape) for reading in readings]
+        return self._relative(sizes, readings)
 
     def _relative(self, sizes: Sequence[FloatArray], truth: Sequence[Reading]) -> float:
         amplitudes = [reading.amplitudes for reading in truth]

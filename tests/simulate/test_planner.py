@@ -134,6 +134,69 @@ def test_lines_that_fold_onto_tones_are_not_taken_for_a_transient() -> None:
     assert float(np.max(np.abs(found - 1.0))) <= plan.promised <= 1e-3
 
 
+class Mixing(Ringing):
+    """Tones without a common period, and what a strongly nonlinear response adds next to them.
+
+    Lines k f1 - (k - 1) f2 and k f2 - (k - 1) f1 from `first` on, each `part` of the one before.
+    """
+
+    TONES = (100.0 + 1.0 / 3.0, 100.0 + math.sqrt(2.0))
+
+    def __init__(self, first: int, part: float, tones: Sequence[float] = TONES) -> None:
+        super().__init__(0.05)
+        self.first, self.part, self.tones = first, part, tones
+
+    def run(self, runs: Sequence[Run]) -> list[FloatArray]:
+        """Outputs of each run."""
+        low, high = self.tones[:2]
+        found = []
+        for run in runs:
+            t = run.settle_s + np.arange(run.samples) * run.sample_step_s
+            y = np.sum([np.cos(2 * np.pi * f * t + 0.3 * f) for f in self.tones], axis=0)
+            y += np.exp(-t / self.tau_s) * np.cos(2 * np.pi * 93.7 * t)
+            for k in range(self.first, 60):
+                size = self.part ** (k - self.first + 1)
+                for a, b, phase in ((low, high, 0.4), (high, low, 1.7)):
+                    y += size * np.cos(2 * np.pi * (k * a - (k - 1) * b) * t + phase)
+            found.append(y[:, np.newaxis])
+        return found
+
+
+@pytest.mark.parametrize("first", [4, 6])
+def test_two_orders_with_the_same_samples_prove_nothing(first: int) -> None:
+    """Without a common period lines up to order 5 are fitted at order 1, those of 7 and 11 not."""
+    drive = Drive(start_values={}, tones_hz=Mixing.TONES, outputs=("y",))
+    running = Mixing(first, 0.3)
+    plan = plan_drives((drive,), 1e-3, running, Knowledge())
+    (samples,) = plan.budget.of(Kind.SAMPLES)
+    assert plan.order > 5
+    assert samples.bound <= 1e-3
+    found = plan.read(running.run(plan.runs)[0])
+    assert float(np.max(np.abs(found - 1.0))) <= plan.promised <= 1e-3
+
+
+def test_a_linear_response_takes_the_least_order_and_few_samples() -> None:
+    drive = Drive(start_values={}, tones_hz=Mixing.TONES, outputs=("y",))
+    plan = plan_drives((drive,), 1e-6, Mixing(60, 0.0), Knowledge())
+    (samples,) = plan.budget.of(Kind.SAMPLES)
+    assert (plan.order, samples.numbers["finer"]) == (1, 11)
+    assert plan.promised <= 1e-6
+
+
+@pytest.mark.parametrize("part", [0.0, 0.03])
+def test_where_no_other_samples_are_possible_the_residuals_bound_what_is_added(part: float) -> None:
+    """Three tones without a common period: the lines of order 11 are more than can be fitted."""
+    tones = (*Mixing.TONES, 107.0 + math.pi)
+    drive = Drive(start_values={}, tones_hz=tones, outputs=("y",))
+    with pytest.raises(BadInput):
+        drive.window(1.0, 11)
+    running = Mixing(4, part, tones)
+    plan = plan_drives((drive,), 1e-3, running, Knowledge())
+    found = plan.read(running.run(plan.runs)[0])
+    assert float(np.max(np.abs(found - 1.0))) <= plan.promised
+    assert plan.budget.kept == (part == 0.0)
+
+
 def test_an_oscillation_in_step_with_the_doublings_is_seen() -> None:
     """Modulated at 10 Hz, the response is the same at every doubling of its ten periods."""
 

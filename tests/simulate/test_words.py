@@ -78,6 +78,15 @@ def model(basis: Basis, bound: float, **more: object) -> Decision:
         ),
         (
             Decision(
+                kind=Kind.SAMPLES,
+                basis=Basis.COMPARED,
+                bound=4e-7,
+                numbers={"least": 9, "most": 9, "order": 1, "finer": 1, "safety": 2.0},
+            ),
+            ("samples: 9 per run", "2 times the residual of the tone fit", "at most 4.0e-07"),
+        ),
+        (
+            Decision(
                 kind=Kind.SOLVER,
                 basis=Basis.COMPARED,
                 bound=5e-6,
