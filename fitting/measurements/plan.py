@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting.measurements.steps import StepPlan, step_decision
 from fitting.signal.grid import ANY_TIME, Grid
-from fitting.signal.rational import Interpolation, Interpolations
+from fitting.signal.rational import Interpolation
 from fitting.simulate.budget import Basis, Budget, Decision, Kind, PlanRecord
 from fitting.simulate.words import decision_in_words, sum_in_words
 from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, IntArray, Scalar
@@ -90,36 +90,6 @@ class CurvePlan:
         """Which of `groups` has `half_hz`."""
         return next(k for k, g in enumerate(self.groups) if self.half_hz in self.nodes_hz[g])
 
-    @property
-    def of_single_tones(self) -> CurvePlan:
-        """The same with a run for each of `nodes_hz`."""
-        return replace(self, tones=1, superposed=0.0)
-
-    def in_order(self, values: ComplexArray) -> ComplexArray:
-        """Responses at `nodes_hz`, of those in the order in which `groups` have them.
-
-        Args:
-            values: shape (k, 2 m).
-        """
-        return values[:, np.argsort(np.concatenate(self.groups))]
-
-    def at_half(self, values: ComplexArray) -> ComplexArray:
-        """Responses to half the drive at `half_hz` (k,), of those of its run.
-
-        Args:
-            values: shape (k, tones).
-        """
-        tones_hz = self.nodes_hz[self.groups[self.half_run]]
-        return values[:, int(np.flatnonzero(tones_hz == self.half_hz)[0])]
-
-    def holds(self, frequency_hz: FloatArray) -> bool:
-        """Whether all frequencies lie in the range that was planned.
-
-        Args:
-            frequency_hz: frequencies (n,), Hz.
-        """
-        return bool(np.all((frequency_hz >= self.low_hz) & (frequency_hz <= self.high_hz)))
-
     def drafted(
         self, points_hz: FloatArray, values: ComplexArray, half: ComplexArray
     ) -> tuple[ComplexArray, BoolArray]:
@@ -130,14 +100,7 @@ class CurvePlan:
             values: at `nodes_hz`, shape (k, 2 m).
             half: by half the drive at `half_hz`, shape (k,).
         """
-        m = len(self.supports_hz)
-        curves = Interpolations(
-            supports_hz=np.array(self.supports_hz),
-            supports=values[:, :m],
-            others_hz=np.array(self.others_hz),
-            others=values[:, m:],
-        )
-        result = curves.at(points_hz)
+        result = self.interpolation(values).at(points_hz)
         here = values[:, self.nodes_hz == self.half_hz][:, 0]
         largest = np.max(np.abs(result.values), axis=1)
         with np.errstate(all="ignore"):
@@ -149,14 +112,14 @@ class CurvePlan:
         """The interpolation of what was simulated at its nodes.
 
         Args:
-            values: at `nodes_hz`, shape (2 m,).
+            values: at `nodes_hz`, shape (2 m,), or (k, 2 m) of several at once.
         """
         m = len(self.supports_hz)
         return Interpolation(
             supports_hz=np.array(self.supports_hz),
-            supports=values[:m],
+            supports=values[..., :m],
             others_hz=np.array(self.others_hz),
-            others=values[m:],
+            others=values[..., m:],
         )
 
 
@@ -302,8 +265,9 @@ class Plan:
             place: output and settings.
             frequency_hz: where it is wanted, Hz.
         """
-        result = (c for c in self.curves if c.place == place and c.holds(frequency_hz))
-        return next(result, None)
+        low_hz, high_hz = np.min(frequency_hz, initial=np.inf), np.max(frequency_hz, initial=0.0)
+        mine = (c for c in self.curves if c.place == place)
+        return next((c for c in mine if c.low_hz <= low_hz and high_hz <= c.high_hz), None)
 
     def with_curve(self, curve: CurvePlan) -> Plan:
         """The plan with a further curve; one decision covers all of them.
@@ -352,11 +316,6 @@ class Plan:
         return {x.label: x.per_sample for x in self.steps} == {
             x.label: x.per_sample for x in other.steps
         }
-
-    @property
-    def has_long_steps(self) -> bool:
-        """Whether free decays are simulated at few samples, with long steps between these."""
-        return any(steps.few is not None for steps in self.steps)
 
     @property
     def of_whole_runs(self) -> Plan:

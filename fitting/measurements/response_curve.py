@@ -242,12 +242,15 @@ class ResponseCurve:
             requested.append(self._request(whole, tones, batch, k))
             halves.append(self._request(half, half_tones, batch, k))
         yield
-        values = planned.in_order(np.array([self.read(batch, runs) for runs in requested]))
-        half_values = planned.at_half(np.array([self.read(batch, run) for run in halves]))
+        # the runs have their tones in the order of `groups`, the plan has them in that of its nodes
+        order = np.argsort(np.concatenate(planned.groups))
+        values = np.array([self.read(batch, runs) for runs in requested])[:, order]
+        at_half = planned.nodes_hz[planned.groups[planned.half_run]] == planned.half_hz
+        half_values = np.array([self.read(batch, run) for run in halves])[:, at_half][:, 0]
         result, known = planned.drafted(points, values, half_values)
         rest = np.flatnonzero(~known)
         if rest.size and count > 1:  # once more as if nothing were known of several tones
-            alone = planned.of_single_tones
+            alone = replace(planned, tones=1, superposed=0.0)
             result[rest] = yield from self._interpolated(table, first[rest], points, batch, alone)
         elif rest.size:
             drafts = [

@@ -16,13 +16,20 @@ import numpy as np
 from fitting.text.arrays import ComplexArray, FloatArray
 
 
+class Interpolated(NamedTuple):
+    """Values (..., n) of functions at frequencies (n,), and their `uncertainty` (..., n)."""
+
+    values: ComplexArray
+    uncertainty: FloatArray
+
+
 @dataclass(frozen=True, kw_only=True)
 class Interpolation:
-    """A rational function of degree m - 1 through values at some frequencies.
+    """A rational function of degree m - 1 through values at some frequencies, or several at once.
 
-    It passes through `supports` (m,) at `supports_hz`; `others` (n,) at `others_hz` fix its weights
-    by least squares of relative errors. Of these m - 1 would do. With m of them there is a check:
-    without any one of them the function is another one, as far as it is uncertain.
+    It passes through `supports` (..., m) at `supports_hz`; `others` (..., n) at `others_hz` fix its
+    weights by least squares of relative errors. Of these m - 1 would do. With m of them there is a
+    check: without any one of them the function is another one, as far as it is uncertain.
 
     Source: barycentric form of Berrut and Trefethen, SIAM Review 46, 501 (2004); the weights are
     those of Nakatsukasa, Sete and Trefethen, SIAM J. Sci. Comput. 40, A1494 (2018), without their
@@ -37,37 +44,71 @@ class Interpolation:
     @property
     def degree(self) -> int:
         """Of numerator and denominator."""
-        return int(self.supports.size) - 1
+        return int(self.supports_hz.size) - 1
 
     @property
     def frequency_hz(self) -> FloatArray:
         """Where it has been given values, Hz."""
         return np.concatenate([self.supports_hz, self.others_hz])
 
-    @cached_property
-    def _alone(self) -> Interpolations:
-        return Interpolations(
-            supports_hz=self.supports_hz,
-            supports=self.supports[np.newaxis],
-            others_hz=self.others_hz,
-            others=self.others[np.newaxis],
-        )
-
     def function(self, frequency_hz: FloatArray) -> ComplexArray:
-        """Values (n,) of the function that all values give.
+        """Values (..., n) of the function that all values give.
 
         Args:
             frequency_hz: frequencies (n,), Hz.
         """
-        return np.asarray(self._alone.at(frequency_hz).values[0])
+        return self.at(frequency_hz).values
 
     def uncertainty(self, frequency_hz: FloatArray) -> FloatArray:
-        """Largest relative change (n,) that one of the other values makes; infinite without value.
+        """Largest relative change (..., n) that one of the other values makes; infinite without.
 
         Args:
             frequency_hz: frequencies (n,), Hz.
         """
-        return np.asarray(self._alone.at(frequency_hz).uncertainty[0])
+        return self.at(frequency_hz).uncertainty
+
+    @cached_property
+    def _weights(self) -> tuple[ComplexArray, ComplexArray]:
+        """Weights (k, m) that all values give, (k, n, m) that all but one of the others do.
+
+        NaN where there are none.
+        """
+        others, supports = (np.atleast_2d(x) for x in (self.others, self.supports))
+        apart, n = self.others_hz[:, np.newaxis] - self.supports_hz, self.others_hz.size
+        sizes = np.abs(others)[..., np.newaxis]
+        with np.errstate(all="ignore"):  # relative errors at the others by weight, (k, n, m)
+            equations = (others[..., np.newaxis] - supports[:, np.newaxis]) / apart / sizes
+        kept = np.array([[i for i in range(n) if i != k] for k in range(n)], dtype=np.intp)
+        return _null_vectors(equations), _null_vectors(equations[:, kept.reshape(n, n - 1)])
+
+    def at(self, frequency_hz: FloatArray) -> Interpolated:
+        """Values, and the largest relative change that one of the others makes; infinite without.
+
+        Args:
+            frequency_hz: frequencies (n,), Hz.
+        """
+        apart = frequency_hz[:, np.newaxis] - self.supports_hz
+        place, node = np.nonzero(apart == 0.0)
+        apart[place, node] = 1.0
+        inverse, supports = 1.0 / apart, np.atleast_2d(self.supports)
+        weights, one = self._weights
+        above, below = (_product(inverse, w) for w in (weights * supports, weights))
+        one_above, one_below = (
+            _product(inverse, w.reshape(-1, weights.shape[1])).reshape(len(apart), len(weights), -1)
+            for w in (one * supports[:, np.newaxis], one)
+        )
+        with np.errstate(all="ignore"):
+            values = above / below
+            # N'/D' over N/D, less one, without a division
+            mine = one_below * above[:, :, np.newaxis]
+            off = one_above * below[:, :, np.newaxis] - mine
+            changes = np.sqrt(np.max(_squared(off) / _squared(mine), axis=2))
+        values[place] = supports[:, node].T
+        changes[place] = np.where(values[place] == 0.0, np.inf, 0.0)
+        known = np.isfinite(changes) & np.isfinite(values)
+        shape = (*self.supports.shape[:-1], len(apart))
+        changes = np.where(known, changes, np.inf)
+        return Interpolated(values.T.reshape(shape), changes.T.reshape(shape))
 
     def wanted_hz(self, frequency_hz: FloatArray) -> tuple[float, float]:
         """Where two further values determine most: a support and another, of many frequencies.
@@ -109,73 +150,6 @@ class Interpolation:
             others_hz=np.append(self.others_hz, frequency_hz[1]),
             others=np.append(self.others, values[1]),
         )
-
-
-class Interpolated(NamedTuple):
-    """Values (k, n) of several functions at frequencies (n,), and their `uncertainty` (k, n)."""
-
-    values: ComplexArray
-    uncertainty: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True)
-class Interpolations:
-    """Several of them with values at the same frequencies: all at once, as `Interpolation` is one.
-
-    `supports` (k, m) at `supports_hz` (m,), `others` (k, n) at `others_hz` (n,).
-    """
-
-    supports_hz: FloatArray
-    supports: ComplexArray
-    others_hz: FloatArray
-    others: ComplexArray
-
-    @cached_property
-    def _equations(self) -> ComplexArray:
-        """Relative errors at the others by weight, (k, n, m)."""
-        others = self.others[:, :, np.newaxis]
-        apart = self.others_hz[:, np.newaxis] - self.supports_hz
-        with np.errstate(all="ignore"):
-            return np.asarray((others - self.supports[:, np.newaxis]) / apart / np.abs(others))
-
-    @cached_property
-    def weights(self) -> ComplexArray:
-        """Weights (k, m) that all values give; NaN where there are none."""
-        return _null_vectors(self._equations)
-
-    @cached_property
-    def _weights_without_one(self) -> ComplexArray:
-        """Weights (k, n, m) that all values but one of the others give."""
-        n = self.others_hz.size
-        kept = np.array([[i for i in range(n) if i != k] for k in range(n)], dtype=np.intp)
-        return _null_vectors(self._equations[:, kept.reshape(n, n - 1)])
-
-    def at(self, frequency_hz: FloatArray) -> Interpolated:
-        """Values, and the largest relative change that one of the others makes; infinite without.
-
-        Args:
-            frequency_hz: frequencies (n,), Hz.
-        """
-        apart = frequency_hz[:, np.newaxis] - self.supports_hz
-        place, node = np.nonzero(apart == 0.0)
-        apart[place, node] = 1.0
-        inverse = 1.0 / apart
-        weights, one = self.weights, self._weights_without_one
-        above, below = (_product(inverse, w) for w in (weights * self.supports, weights))
-        one_above, one_below = (
-            _product(inverse, w.reshape(-1, weights.shape[1])).reshape(len(apart), len(weights), -1)
-            for w in (one * self.supports[:, np.newaxis], one)
-        )
-        with np.errstate(all="ignore"):
-            values = above / below
-            # N'/D' over N/D, less one, without a division
-            mine = one_below * above[:, :, np.newaxis]
-            off = one_above * below[:, :, np.newaxis] - mine
-            changes = np.sqrt(np.max(_squared(off) / _squared(mine), axis=2))
-        values[place] = self.supports[:, node].T
-        changes[place] = np.where(values[place] == 0.0, np.inf, 0.0)
-        known = np.isfinite(changes) & np.isfinite(values)
-        return Interpolated(values.T, np.where(known, changes, np.inf).T)
 
 
 def _product(real: FloatArray, several: ComplexArray) -> ComplexArray:

@@ -14,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from fitting.signal.combinations import mixed_lines
 from fitting.signal.tones import common_period, exact, tones_in_words, unit_hint
 from fitting.signal.window import folded, kept_apart
 from fitting.text.arrays import FloatArray
@@ -191,14 +192,9 @@ def _grown(seeds: set[int], steps: set[int], times: int, modulus: int) -> set[in
 
 def _mixtures(cycles: list[int]) -> set[int]:
     """Periods of Σ k_i f_i in the window for 1 < Σ|k_i| <= 5, those that are a tone's left out."""
-    orders = range(-ANY_ORDER, ANY_ORDER + 1)
-    factors = itertools.product(orders, repeat=len(cycles)) if len(cycles) <= MOST_MIXED else []
-    reached = {
-        abs(sum(k * c for k, c in zip(ks, cycles, strict=True)))
-        for ks in factors
-        if 1 < sum(map(abs, ks)) <= ANY_ORDER
-    }
-    return reached - set(cycles)
+    factors = mixed_lines(len(cycles), ANY_ORDER) if len(cycles) <= MOST_MIXED else ()
+    mixed = (ks for ks in factors if sum(map(abs, ks)) > 1)
+    return {abs(sum(k * c for k, c in zip(ks, cycles, strict=True))) for ks in mixed} - set(cycles)
 
 
 def _closest(tones: tuple[float, ...]) -> Fraction:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitting.signal.rational import Interpolation, Interpolations
+from fitting.signal.rational import Interpolation
 from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Poles 1e-3 and 2e-2 from the real axis, and a zero 1e-2 from it.
@@ -83,7 +83,7 @@ def test_several_at_once_are_what_each_is_and_one_without_value_spoils_no_other(
     f = np.linspace(-1.0, 1.0, 6)
     values = np.array([two_lines(f), np.full(f.size, np.nan), 3.0j * two_lines(f + 0.1)])
     inside = np.array([True, False, True, False, False, True])
-    found = Interpolations(
+    found = Interpolation(
         supports_hz=f[inside],
         supports=values[:, inside],
         others_hz=f[~inside],
