@@ -4,14 +4,13 @@ One batch holds every run of every parameter vector and measurement that was ask
 the workers are busy together and one message each way is enough. Answers depend on the parameters
 alone.
 
-What the runs of a failed evaluation did give is not simulated again (`KnownAnswers`).
+What the runs of a failed batch did give is not simulated again (`KnownAnswers`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -33,7 +32,7 @@ MOST_KEPT, MOST_FAILURES = 2_000_000, 1_000
 
 
 class KnownAnswers:
-    """What the runs of failed evaluations gave, and their failures: neither is simulated again.
+    """What the runs of failed batches gave, and their failures: neither is simulated again.
 
     Who evaluates several points at once, one of which cannot be simulated, evaluates the others
     again. A run of an FMU depends on nothing but what it is asked with, and so does its failure.
@@ -47,35 +46,6 @@ class KnownAnswers:
         self.results: dict[object, FloatArray] = {}
         self.failures: dict[object, FmuFailure] = {}
 
-    @contextmanager
-    def evaluation(self) -> Iterator[Workers]:
-        """Workers for one evaluation: what they give is kept if the context ends in an error.
-
-        Several evaluations may be under way, each in a context of its own.
-        """
-        evaluation = _Evaluation(self)
-        try:
-            yield evaluation
-        except NoAnswer:  # nobody asks again
-            raise
-        except Exception:
-            self.results.update((_run_key(run), answer) for run, answer in evaluation.latest)
-            # the oldest go where that is too much
-            size = sum(answer.size for answer in self.results.values())
-            while size > MOST_KEPT:
-                size -= self.results.pop(next(iter(self.results))).size
-            while len(self.failures) > MOST_FAILURES:
-                self.failures.pop(next(iter(self.failures)))
-            raise
-
-
-class _Evaluation:
-    """Workers of one evaluation: what is known, and what it has simulated so far."""
-
-    def __init__(self, known: KnownAnswers) -> None:
-        self.known = known
-        self.latest: list[tuple[Run, FloatArray]] = []
-
     def run(self, runs: Sequence[Run]) -> list[FloatArray]:
         """Outputs of each run, shape (samples, outputs).
 
@@ -85,7 +55,7 @@ class _Evaluation:
         Raises:
             FmuFailure: one of them failed, now or before.
         """
-        results, failures = self.known.results, self.known.failures
+        results, failures = self.results, self.failures
         if not results and not failures:  # most evaluations: no key costs time
             return self._simulate(runs)
         keys = [_run_key(run) for run in runs]
@@ -99,17 +69,21 @@ class _Evaluation:
 
     def _simulate(self, runs: Sequence[Run]) -> list[FloatArray]:
         try:
-            answers = self.known.workers.run(runs)
-        except NoAnswer:
+            return self.workers.run(runs)
+        except NoAnswer:  # nobody asks again
             raise
         except FmuFailure as failure:
             if failure.at is not None:
-                self.known.failures[_run_key(runs[failure.at])] = _copy(failure)
-            self.latest.extend((runs[k], answer) for k, answer in failure.answers.items())
+                self.failures[_run_key(runs[failure.at])] = _copy(failure)
+            self.results.update((_run_key(runs[k]), each) for k, each in failure.answers.items())
             failure.answers = {}
+            # the oldest go where that is too much
+            size = sum(answer.size for answer in self.results.values())
+            while size > MOST_KEPT:
+                size -= self.results.pop(next(iter(self.results))).size
+            while len(self.failures) > MOST_FAILURES:
+                self.failures.pop(next(iter(self.failures)))
             raise
-        self.latest.extend(zip(runs, answers, strict=True))
-        return answers
 
 
 def _copy(failure: FmuFailure) -> FmuFailure:
@@ -206,26 +180,24 @@ class FmuResponse:
         except NoAnswer:
             raise
         except FmuFailure:
-            if not any(model.plan.has_long_steps for model in self.models.values()):
+            plans = [model.plan for model in self.models.values()]
+            if not any(steps.few is not None for plan in plans for steps in plan.steps):
                 raise
-        return self._evaluated(self._of_whole_runs, table, read, whole)  # it may have been these
-
-    @cached_property
-    def _of_whole_runs(self) -> dict[str, DrivenModel]:
-        return {
+        # it may have been the long steps between few samples
+        models = {
             name: replace(model, plan=model.plan.of_whole_runs)
             for name, model in self.models.items()
         }
+        return self._evaluated(models, table, read, whole)
 
     def _evaluated(
         self, models: Mapping[str, DrivenModel], table: FloatArray, read: Sequence[int], whole: bool
     ) -> list[Evaluation]:
         batch = Batch()
         tasks = [m.predict(models[m.series], table, batch, whole=whole) for m in self.measurements]
-        with self._known.evaluation() as workers:
-            outputs_read = self._read_along(table[read], batch)
-            both: list[Generator[None, None, Any]] = [together(tasks), outputs_read]
-            columns, outputs = answered(together(both), batch, workers)
+        outputs_read = self._read_along(table[read], batch)
+        both: list[Generator[None, None, Any]] = [together(tasks), outputs_read]
+        columns, outputs = answered(together(both), batch, self._known)
         self._read_already.update(zip((table[k].tobytes() for k in read), outputs, strict=False))
         runs = batch.count(len(table))
         return [

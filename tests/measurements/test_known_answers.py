@@ -1,4 +1,4 @@
-"""Evaluations that fail leave what was simulated: counted runs, and numbers of the closed form.
+"""Batches that fail leave what was simulated: counted runs, and numbers of the closed form.
 
 Truth: the step response of m x'' + c x' + k x = F in `tests.fmu.test_workers`.
 """
@@ -24,20 +24,13 @@ LATER = replace(PULLED, settle_s=0.08)
 BAD = replace(PULLED, start_values={**PULLED.start_values, "misbehave": FAILS_IN_STEP})
 
 
-def test_what_a_failed_evaluation_got_answered_is_not_run_again(tmp_path: Path) -> None:
+def test_what_a_failed_batch_got_answered_is_not_run_again(tmp_path: Path) -> None:
     with FmuWorkers(build_c_fmu(tmp_path)) as workers:
         known = KnownAnswers(workers)
-
-        def evaluate() -> None:
-            with known.evaluation() as evaluation:
-                evaluation.run([PULLED])
-                evaluation.run([LATE, BAD, LATER])
-
         with pytest.raises(FmuFailure, match="cannot step"):
-            evaluate()
+            known.run([PULLED, LATE, BAD, LATER])
         before = workers.counts.runs
-        with known.evaluation() as evaluation:
-            pulled, later, late = evaluation.run([PULLED, LATER, LATE])
+        pulled, later, late = known.run([PULLED, LATER, LATE])
         assert workers.counts.runs == before + 1  # the one behind the failure
         for answer, settle_s in ((pulled, 0.0), (late, 0.05), (later, 0.08)):
             expected = step_response(settle_s + np.arange(6) * 1e-3)
@@ -47,11 +40,11 @@ def test_what_a_failed_evaluation_got_answered_is_not_run_again(tmp_path: Path) 
 def test_a_run_that_failed_fails_again_with_its_words_and_without_a_run(tmp_path: Path) -> None:
     with FmuWorkers(build_c_fmu(tmp_path)) as workers:
         known = KnownAnswers(workers)
-        with pytest.raises(FmuFailure) as first, known.evaluation() as evaluation:
-            evaluation.run([BAD])
+        with pytest.raises(FmuFailure) as first:
+            known.run([BAD])
         before = workers.counts
-        with pytest.raises(FmuFailure) as second, known.evaluation() as evaluation:
-            evaluation.run([PULLED, BAD])
+        with pytest.raises(FmuFailure) as second:
+            known.run([PULLED, BAD])
         assert str(second.value) == str(first.value)
         assert workers.counts == before
 
@@ -59,11 +52,9 @@ def test_a_run_that_failed_fails_again_with_its_words_and_without_a_run(tmp_path
 def test_what_came_to_its_end_is_not_kept(tmp_path: Path) -> None:
     with FmuWorkers(build_c_fmu(tmp_path)) as workers:
         known = KnownAnswers(workers)
-        with known.evaluation() as evaluation:
-            evaluation.run([PULLED])
+        known.run([PULLED])
         before = workers.counts.runs
-        with known.evaluation() as evaluation:
-            evaluation.run([PULLED])
+        known.run([PULLED])
         assert workers.counts.runs > before
 
 
