@@ -22,7 +22,16 @@ from fitting.lines.form import LineFit, fit_resonance
 from fitting.lines.names import ADDED, OFFSET, SLOPE
 from fitting.lines.sweep_model import along
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import (
+    Axis,
+    Figure,
+    Form,
+    Layer,
+    Panel,
+    Role,
+    compared,
+    residual_points,
+)
 from fitting.measurements.measurement import (
     Measurement,
     Predicting,
@@ -30,7 +39,6 @@ from fitting.measurements.measurement import (
     Sampled,
     Scale,
     Values,
-    without_drive,
 )
 from fitting.measurements.plan import Plan
 from fitting.measurements.residuals import ResidualCurve, least_noise, mistakes, white_noise
@@ -132,11 +140,6 @@ class Sweep(Measurement):
         """Full width of the line at half of its power, as the points show it, Hz."""
         return half_power_width(self.frequency_hz, self.amplitude_v)
 
-    @property
-    def rows(self) -> int:
-        """One for each point, if the sweep is fitted."""
-        return int(self.amplitude_v.size) if self.fitted else 0
-
     @cached_property
     def sigma(self) -> FloatArray:
         """Standard deviation of every point over the maximum, (rows,); zero where unknown."""
@@ -201,9 +204,9 @@ class Sweep(Measurement):
         """The constant, and its slope."""
         return int(self._background_columns.shape[1])
 
-    def solved_columns(self, prediction: Prediction) -> FloatArray:
+    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
         """Derivatives (rows, k) of the rows by the background's numbers over the maximum."""
-        return self._background_columns if self.fitted else np.empty((0, 0))
+        return (self._background_columns if self.fitted else np.empty((0, 0)),)
 
     @property
     def takes_scale_from_rows(self) -> bool:
@@ -358,13 +361,6 @@ class Sweep(Measurement):
         [(run, window)] = self._curve(model).ask(p, self.frequency_hz[:1], batch)
         return [Sampled(run, window, self.setup.output)]
 
-    def first_drive(self, *, driven: bool) -> Sweep:
-        """It begins with its first point."""
-        if driven:
-            return self
-        setup, settings = without_drive(self.setup, self.settings)
-        return replace(self, setup=setup, settings=settings)
-
     def scale(self, prediction: Prediction) -> Scale | None:
         """chi of one prediction and the relative bias that the simulated grid leaves in it.
 
@@ -454,120 +450,69 @@ class Sweep(Measurement):
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """The frequency response, and what is left between measured and simulated points."""
-        resonance, failure = None, ""
+        line, f, measured = None, self.frequency_hz, self.amplitude_v
+        failure, percent = "", 100.0 / float(np.max(measured))
         try:  # one damped mode, without the FMU
-            resonance = fit_resonance(
-                self.frequency_hz, self.amplitude_v, background=self.background, source=""
-            )
+            line = fit_resonance(f, measured, background=self.background, source="")
         except BadInput as error:
             failure = str(error).removeprefix(":").strip().rstrip(".")
-        curves = ShownResponse(
-            frequency_hz=self.frequency_hz,
-            measured=self.amplitude_v,
-            before=np.asarray(before, dtype=float),
-            after=np.asarray(after, dtype=float),
-            unit=self.unit,
-        )
+        left = percent * (after.real - measured)
+        shown = response_panel(f, (measured, before.real, after.real), self.unit, line)
+        parts = [("model", left)]
+        if line is not None:
+            parts.append(("resonance fit", percent * (np.real(line.curve) - measured)))
         role = "is fitted point by point" if self.fitted else "sets the scale χ only"
         nearby = {OFFSET: " with a constant background", SLOPE: " with a sloped background"}
         role += f"{nearby[self.added]}, which is solved for" if self.solved_inside else ""
-        if resonance is None:
-            line = f"One damped mode could not be fitted to it: {failure}."
-        else:
-            line = (
-                "The fit of one damped mode to the laboratory points gives "
-                f"{', '.join(resonance_words(resonance))}; its residual is "
-                f"{100 * resonance.rms_residual:.2g} % of its amplitude."
+        words, stated = f"One damped mode could not be fitted to it: {failure}.", "."
+        if line is not None:
+            words = (
+                f"The fit of one damped mode to the points gives {', '.join(resonance_words(line))}"
+                f"; its residual is {100 * line.rms_residual:.2g} % of its amplitude."
             )
-        stated = "." if resonance is None else f"; {', '.join(resonance_words(resonance))}."
+            stated = f"; {', '.join(resonance_words(line))}."
+        rms = float(np.sqrt(np.mean(left**2)))
         figure = Figure(
             name="frequency_response",
-            title="Frequency response: laboratory, resonance fit, simulation",
+            title="Frequency response: measured, resonance fit, simulated",
             caption=(
-                f"Frequency response as measured ({self.amplitude_v.size} points), which {role} "
+                f"Frequency response as measured ({f.size} points), which {role} "
                 f"(χ {SCALE_WORDS[self.scaled_by]}), and as simulated with the start and with the "
-                "fitted parameters. Below: differences from the laboratory; those of the "
-                f"simulation have an rms of {100 * curves.rms:.2g} % of the maximum. {line}"
+                "fitted parameters. Below: differences from the measured points; those of the "
+                f"simulation have an rms of {rms:.2g} % of the maximum. {words}"
             ),
-            alt=(
-                f"Resonance curve with {self.amplitude_v.size} measured points and the simulated "
-                f"curve{stated}"
-            ),
-            rows=((response_panel(curves, resonance),), (residual_panel(curves, resonance),)),
+            alt=f"Resonance curve with {f.size} measured points and the simulated curve{stated}",
+            rows=((shown,), (residual_points((shown.x, OF_MAXIMUM), f, parts),)),
             series=self.series,
         )
         return (figure,)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShownResponse:
-    """A frequency response: amplitudes (n,) peak, in `unit`, at `frequency_hz` (n,).
-
-    `measured`, and simulated times the scale `before` and `after` the fit.
-    """
-
-    frequency_hz: FloatArray
-    measured: FloatArray
-    before: FloatArray
-    after: FloatArray
-    unit: str = "V"
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of what the fit leaves, over the largest measured amplitude."""
-        left = (self.after - self.measured) / np.max(self.measured)
-        return float(np.sqrt(np.mean(left**2)))
+#: Residuals of a sweep over its largest amplitude.
+OF_MAXIMUM = Axis("minus measured", "% of maximum")
 
 
-def response_panel(curves: ShownResponse, resonance: LineFit | None = None) -> Panel:
-    """Amplitudes over drive frequency: measured points, simulated curves before and after.
+def response_panel(
+    frequency_hz: FloatArray,
+    values: tuple[FloatArray, FloatArray, FloatArray],
+    unit: str,
+    line: LineFit | None = None,
+) -> Panel:
+    """Amplitudes over drive frequency: measured points, simulated curves before and after a fit.
 
     Args:
-        curves: measured and simulated.
-        resonance: one damped mode fitted to the same points.
+        frequency_hz: of the points, (n,), Hz.
+        values: measured, and simulated times the scale before and after the fit, (n,) each.
+        unit: of the amplitudes.
+        line: one damped mode fitted to the same points.
     """
-    f = curves.frequency_hz
-    layers = [
-        Layer(Role.MEASURED, Form.POINTS, f, curves.measured, label="laboratory"),
-        Layer(Role.START, Form.CURVE, f, curves.before, label="simulated × χ, start parameters"),
-    ]
-    notes: tuple[str, ...] = ()
-    if resonance is not None:
-        layers.append(
-            Layer(Role.OTHER, Form.CURVE, f, np.real(resonance.curve), label="resonance fit")
-        )
-        notes = ("resonance fit:", *resonance_words(resonance))
-    fitted = "simulated × χ, fitted parameters"
-    layers.append(Layer(Role.SIMULATED, Form.CURVE, f, curves.after, label=fitted))
-    return Panel(
-        x=Axis("drive frequency f", "Hz"),
-        y=Axis("amplitude", curves.unit, low=0.0),
-        layers=tuple(layers),
-        notes=notes,
-    )
-
-
-def residual_panel(curves: ShownResponse, resonance: LineFit | None = None) -> Panel:
-    """Simulated minus measured amplitudes over drive frequency, in % of the largest measured.
-
-    Args:
-        curves: measured and simulated.
-        resonance: one damped mode fitted to the same points; what it leaves is shown too.
-    """
-    f, percent = curves.frequency_hz, 100.0 / float(np.max(curves.measured))
-    layers = []
-    if resonance is not None:
-        left = percent * (np.real(resonance.curve) - curves.measured)
-        layers.append(Layer(Role.OTHER, Form.CURVE, f, left, label="resonance fit"))
-    left = percent * (curves.after - curves.measured)
-    layers.append(Layer(Role.SIMULATED, Form.POINTS, f, left, label="simulated"))
-    return Panel(
-        x=Axis("drive frequency f", "Hz"),
-        y=Axis("minus laboratory", "% of maximum"),
-        layers=tuple(layers),
-        level=0.0,
-        height=0.4,
-    )
+    axes = (Axis("drive frequency f", "Hz"), Axis("amplitude", unit, low=0.0))
+    shown = compared(axes, frequency_hz, *values)
+    if line is None:
+        return shown
+    fit = Layer(Role.OTHER, Form.CURVE, frequency_hz, np.real(line.curve), label="resonance fit")
+    notes = ("resonance fit:", *resonance_words(line))
+    return replace(shown, layers=(*shown.layers, fit), notes=notes)
 
 
 def resonance_words(resonance: LineFit) -> list[str]:

@@ -23,7 +23,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting.campaign import BoundCampaign, Experiment, Setup, Spectrum
+from fitting.campaign import BoundCampaign, Experiment, Setup
 from fitting.campaign.noise import ENOUGH_REPEATS, Noise, repeat_scatter
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
@@ -34,7 +34,6 @@ from fitting.measurements.measurement import (
     Prediction,
     Sampled,
     Values,
-    without_drive,
 )
 from fitting.measurements.plan import Plan
 from fitting.measurements.residuals import ResidualCurve
@@ -88,11 +87,6 @@ class Tones(Measurement):
     def peaks_v(self) -> FloatArray:
         """Measured amplitudes (rows,), V peak."""
         return np.concatenate([np.empty(0), *(e.peaks_v for e in self.experiments)])
-
-    @property
-    def rows(self) -> int:
-        """One for each line that is read."""
-        return int(self.peaks_v.size)
 
     @cached_property
     def sigma(self) -> FloatArray:
@@ -166,16 +160,6 @@ class Tones(Measurement):
             for (window, output), (ks, _) in zip(self._observed(model), requested, strict=True)
         ]
 
-    def first_drive(self, *, driven: bool) -> Tones | None:
-        """Its first experiment."""
-        if not self.experiments:
-            return None
-        setup, first = self.setup, self.experiments[0]
-        if not driven:
-            setup, settings = without_drive(setup, first.settings)
-            first = replace(first, settings=settings)
-        return Tones(setup, (first,))
-
     def residuals(self, prediction: Prediction, chi: float) -> FloatArray:
         """(chi z - z*)/z*, shape (rows,)."""
         return np.asarray((chi * prediction.values - self.peaks_v) / self.peaks_v)
@@ -204,26 +188,9 @@ class Tones(Measurement):
         if not self.experiments:
             return ()
         ends = np.cumsum([e.peaks_v.size for e in self.experiments])[:-1]
-        spectra = tuple(
-            ShownSpectrum(
-                label=e.label,
-                lines_hz=np.array(e.read_hz),
-                measured=e.peaks_v,
-                sigmas=e.sigmas_v,
-                before=start,
-                after=end,
-                spectrum=e.spectrum,
-                unit=self.unit,
-            )
-            for e, start, end in zip(
-                self.experiments,
-                np.split(np.asarray(before, dtype=float), ends),
-                np.split(np.asarray(after, dtype=float), ends),
-                strict=True,
-            )
-        )
-        floors = [e.floor_v for e in self.experiments]
-        return (spectra_figure(spectra, floors, self.series),)
+        both = (np.split(np.asarray(values, dtype=float), ends) for values in (before, after))
+        pairs = list(zip(*both, strict=True))
+        return (spectra_figure(self.experiments, pairs, self.unit, self.series),)
 
     def _observed(self, model: DrivenModel) -> list[tuple[Window, str]]:
         """Window and output of every experiment."""
@@ -247,66 +214,61 @@ class Tones(Measurement):
         return requested
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShownSpectrum:
-    """One experiment with its model: `lines_hz`, and amplitudes (n,) peak there, in `unit`.
-
-    `measured` with `sigmas` (NaN: not known), and simulated times the scale `before` and `after`
-    the fit; `spectrum` is the whole one where it was measured.
-    """
-
-    label: str
-    lines_hz: FloatArray
-    measured: FloatArray
-    sigmas: FloatArray
-    before: FloatArray
-    after: FloatArray
-    spectrum: Spectrum | None = None
-    unit: str = "V"
-
-    @property
-    def highest(self) -> float:
-        """The largest amplitude of all."""
-        heights = [self.measured, self.before, self.after]
-        heights += [] if self.spectrum is None else [self.spectrum.amplitude_v]
-        values = np.concatenate(heights)
-        return float(np.max(values[np.isfinite(values)]))
-
-
 def spectra_figure(
-    spectra: Sequence[ShownSpectrum], floors: Sequence[float], series: str = ""
+    experiments: Sequence[Experiment],
+    simulated: Sequence[tuple[FloatArray, FloatArray]],
+    unit: str,
+    series: str = "",
 ) -> Figure:
     """Spectra as measured, and simulated amplitudes at their lines, before and after the fit.
 
     Args:
-        spectra: of all experiments.
-        floors: mean magnitude of the noise of each, NaN or zero where it is not known.
+        experiments: with their amplitudes, spectra and floors.
+        simulated: amplitudes times the scale before and after the fit, (n,) each, of every one.
+        unit: of all amplitudes.
         series: name of the series.
     """
-    shown = spectra[:MOST_SPECTRA]
-    lines = np.concatenate([s.lines_hz for s in shown])
+    shown = list(zip(experiments, simulated, strict=True))[:MOST_SPECTRA]
+    lines = np.concatenate([e.read_hz for e, _ in shown])
     margin = max(0.2 * float(np.ptp(lines)), 1e-9 * float(np.max(lines)))
+    spectra = [e.spectrum.amplitude_v for e, _ in shown if e.spectrum is not None]
+    heights = np.concatenate([*(x for e, both in shown for x in (e.peaks_v, *both)), *spectra])
+    top = float(np.max(heights[np.isfinite(heights)]))
     x = Axis("f", "Hz", low=float(np.min(lines)) - margin, high=float(np.max(lines)) + margin)
-    y = Axis("amplitude", shown[0].unit, low=0.0, high=1.12 * max(s.highest for s in shown))
+    y = Axis("amplitude", unit, low=0.0, high=1.12 * top)
+    whens = ("before", "after")
     columns = [
-        (_spectrum(s, k, x, y, "before"), _spectrum(s, k, x, y, "after"))
-        for k, s in enumerate(shown)
+        tuple(_spectrum(e, k, (x, y), *each) for each in zip(whens, both, strict=True))
+        for k, (e, both) in enumerate(shown)
     ]
     rows = []
     for k in range(0, len(columns), SPECTRA_PER_ROW):
         rows += [tuple(row) for row in zip(*columns[k : k + SPECTRA_PER_ROW], strict=True)]
+    peaks = np.concatenate([e.peaks_v for e in experiments])
     mean_before, mean_after = (
-        float(
-            np.mean(np.concatenate([np.abs(getattr(s, when) / s.measured - 1.0) for s in spectra]))
-        )
-        for when in ("before", "after")
+        float(np.mean(np.abs(np.concatenate(values) / peaks - 1.0)))
+        for values in zip(*simulated, strict=True)
     )
+    floors = [e.floor_v for e in experiments]
+    known, stated = [f for f in floors if np.isfinite(f) and f > 0.0], ""
+    if known:
+        factor, prefix_unit = prefixed(max(known), unit)
+        low, high = (number(f(known) / factor, 2) for f in (min, max))
+        stated = f" The noise floor (mean magnitude {low} to {high} {prefix_unit}) is in the trace."
+    if len(experiments) > MOST_SPECTRA:
+        stated += f" The first {MOST_SPECTRA} of {len(experiments)} experiments are shown."
     return Figure(
         name="spectra",
         title="Spectra, measured and simulated",
-        caption=_spectra_caption(spectra, floors),
+        caption=(
+            "Spectra measured (solid) and amplitudes simulated at the drive frequencies (dashed), "
+            "scaled by χ of Algorithm 1: above with the start parameters, below with the fitted "
+            "ones. Black bars join measured and simulated peak; the difference relative to the "
+            "measured peak stands above each panel, in the order of the tones. Vertical lines are "
+            f"the drive frequencies.{stated}"
+        ),
         alt=(
-            f"A column per experiment ({listed(s.label for s in shown)}), above with the start "
+            f"A column per experiment ({listed(e.label for e, _ in shown)}), above with the start "
             "parameters, below with the fitted ones: measured spectrum, simulated line at every "
             f"drive frequency. The mean deviation goes from {number(mean_before, 3)} to "
             f"{number(mean_after, 3)}."
@@ -316,55 +278,29 @@ def spectra_figure(
     )
 
 
-def _spectrum(shown: ShownSpectrum, place: int, x: Axis, y: Axis, when: str) -> Panel:
+def _spectrum(
+    e: Experiment, place: int, axes: tuple[Axis, Axis], when: str, simulated: FloatArray
+) -> Panel:
     """One experiment, `when` before or after the fit; above it how far its peaks are off."""
-    simulated = shown.before if when == "before" else shown.after
-    layers = []
-    if shown.spectrum is not None:
-        f, a = shown.spectrum.frequency_hz, shown.spectrum.amplitude_v
+    lines_hz, layers = np.array(e.read_hz), []
+    if e.spectrum is not None:
+        f, a = e.spectrum.frequency_hz, e.spectrum.amplitude_v
         layers.append(Layer(Role.MEASURED, Form.CURVE, f, a, label="measured spectrum"))
     peaks = "measured peak ± σ, floor removed"
     layers += [
-        Layer(Role.SIMULATED, Form.STEMS, shown.lines_hz, simulated, label="simulated × χ"),
-        Layer(
-            Role.MEASURED,
-            Form.LEVELS,
-            shown.lines_hz,
-            shown.measured,
-            label=peaks,
-            sigma=shown.sigmas,
-        ),
+        Layer(Role.SIMULATED, Form.STEMS, lines_hz, simulated, label="simulated × χ"),
+        Layer(Role.MEASURED, Form.LEVELS, lines_hz, e.peaks_v, label=peaks, sigma=e.sigmas_v),
     ]
-    words = [percent(off) for off in simulated / shown.measured - 1.0]
+    words = [percent(off) for off in simulated / e.peaks_v - 1.0]
     return Panel(
-        x=x,
-        y=y,
+        x=axes[0],
+        y=axes[1],
         layers=tuple(layers),
-        title="\n".join(
-            [shown.label, *(", ".join(words[k : k + 2]) for k in range(0, len(words), 2))]
-        ),
+        title="\n".join([e.label, *(", ".join(words[k : k + 2]) for k in range(0, len(words), 2))]),
         when=when,
-        marked=tuple(map(float, shown.lines_hz)),
+        marked=e.read_hz,
         joined=True,
         shape=place,
-    )
-
-
-def _spectra_caption(spectra: Sequence[ShownSpectrum], floors: Sequence[float]) -> str:
-    known = [floor for floor in floors if np.isfinite(floor) and floor > 0.0]
-    stated = ""
-    if known:
-        factor, unit = prefixed(max(known), spectra[0].unit)
-        low, high = (number(f(known) / factor, 2) for f in (min, max))
-        stated = f" The noise floor (mean magnitude {low} to {high} {unit}) is in the trace."
-    if len(spectra) > MOST_SPECTRA:
-        stated += f" The first {MOST_SPECTRA} of {len(spectra)} experiments are shown."
-    return (
-        "Spectra measured (solid) and amplitudes simulated at the drive frequencies (dashed), "
-        "scaled by χ of Algorithm 1: above with the start parameters, below with the fitted ones. "
-        "Black bars join measured and simulated peak; the difference relative to the measured peak "
-        f"stands above each panel, in the order of the tones. Vertical lines are the drive "
-        f"frequencies.{stated}"
     )
 
 
@@ -421,6 +357,8 @@ class ComplexTones(Tones):
         BadInput: an experiment without phases, or experiments that know unlike things.
     """
 
+    has_phases = True
+
     def __post_init__(self) -> None:
         super().__post_init__()
         _ = self.y  # refuses an experiment without phases
@@ -450,16 +388,6 @@ class ComplexTones(Tones):
             group += int(e.restarted and k > 0)
             result.append(np.full(len(e.read_hz), group))
         return np.concatenate(result).astype(np.intp)
-
-    @property
-    def has_phases(self) -> bool:
-        """Two rows for each line."""
-        return True
-
-    @property
-    def rows(self) -> int:
-        """Two for each line that is read."""
-        return 2 * int(self.peaks_v.size)
 
     @cached_property
     def sigma(self) -> FloatArray:
@@ -513,7 +441,7 @@ class ComplexTones(Tones):
         """S, complex (n,)."""
         return self.solved(prediction, chi)
 
-    def solved_columns(self, prediction: Prediction) -> FloatArray:
+    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
         """Derivatives of the rows by phases, and by the logarithm of an unknown gain."""
         ratio = self.solved(prediction, 1.0) / self.y
         columns = [both_parts(ratio)] if self.unknown == "gain" else []
@@ -521,7 +449,7 @@ class ComplexTones(Tones):
             both_parts(np.where(self.groups == g, 1j * ratio, 0.0))
             for g in range(self.solved_inside - len(columns))
         ]
-        return np.stack(columns, axis=1) if columns else np.empty((self.rows, 0))
+        return (np.stack(columns, axis=1),) if columns else super().solved_blocks(prediction)
 
     def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
         """Changes along S: real parts of exp(-i arg(S/y)) dr."""

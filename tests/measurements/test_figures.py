@@ -123,7 +123,7 @@ def test_panels_above_each_other_move_together() -> None:
     lower.set_ylim(-7.0, 7.0)
     assert upper.get_ylim() != (-7.0, 7.0)
     assert upper.get_xlabel() == ""
-    assert "laboratory" in lower.get_ylabel()
+    assert "minus measured" in lower.get_ylabel()
 
 
 def test_highest_peaks_are_inside() -> None:

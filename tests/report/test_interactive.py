@@ -148,7 +148,7 @@ def test_legends_switch_what_they_name(page: Any) -> None:
     legends = [m["attributes"] for m in objects(live["doc"]) if m["name"] == "Legend"]
     assert {legend["click_policy"] for legend in legends} == {"hide"}
     labels = [item["attributes"]["label"]["value"] for each in legends for item in each["items"]]
-    assert "laboratory" in labels
+    assert "measured" in labels
     assert all(item["attributes"]["renderers"] for each in legends for item in each["items"])
 
 

@@ -228,7 +228,7 @@ def test_residuals_are_in_standard_deviations(axes: Axes) -> None:
 
 def test_the_response_and_what_is_left_of_it(axes: Axes) -> None:
     drawn("frequency_response", axes)
-    _, measured = line(axes, "laboratory")
+    _, measured = line(axes, "measured")
     assert measured.max() == pytest.approx(1e6 * records.TOP_V, rel=2e-3)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.campaign import Drive, Setup, Spectrum
+from fitting.campaign import Drive, Experiment, Setup, Spectrum
 from fitting.fit.alternative import AlternativeResult, StartResult
 from fitting.fit.fit import Status
 from fitting.fit.path import HistoryRow
@@ -17,7 +17,7 @@ from fitting.lines.form import fit_resonance
 from fitting.lines.record import line_numbers, number_of_line
 from fitting.measurements.figure import Figure
 from fitting.measurements.sweep import Sweep
-from fitting.measurements.tones import ShownSpectrum, spectra_figure
+from fitting.measurements.tones import spectra_figure
 from fitting.report.shown import ShownCampaign, ShownTones
 from fitting.result.result import (
     Cost,
@@ -219,23 +219,22 @@ def result_for(
 
 def spectra(data: ShownCampaign, result: Result) -> Figure:
     """What the experiments show beside the model of the result."""
-    shown = []
+    experiments, simulated = [], []
     for e in measured(data):
         peaks = [p for p in result.peaks if p.experiment == e.label]
-        spectrum = None if e.trace is None else replace(e.trace, unit=e.unit)
-        shown.append(
-            ShownSpectrum(
+        experiments.append(
+            Experiment(
                 label=e.label,
-                lines_hz=np.array(e.read_hz),
-                measured=np.array(e.peaks),
-                sigmas=np.array(e.sigmas),
-                before=np.array([p.initial_v for p in peaks]),
-                after=np.array([p.final_v for p in peaks]),
-                spectrum=spectrum,
-                unit=e.unit,
+                tones_hz=tuple(e.read_hz),
+                peaks_v=np.array(e.peaks),
+                sigmas_v=np.array(e.sigmas),
+                floor_v=e.floor,
+                spectrum=e.trace,
             )
         )
-    return spectra_figure(shown, [e.floor for e in measured(data)])
+        each = ([p.initial_v for p in peaks], [p.final_v for p in peaks])
+        simulated.append((np.array(each[0]), np.array(each[1])))
+    return spectra_figure(experiments, simulated, measured(data)[0].unit)
 
 
 def response(data: ShownCampaign, result: Result) -> Figure:

@@ -13,7 +13,7 @@ from matplotlib.colors import LogNorm, Normalize
 
 from fitting.lines.form import LineFit
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.measurements.sweep import ShownResponse, response_panel
+from fitting.measurements.sweep import response_panel
 from fitting.report.figures.data import PLACES
 from fitting.report.figures.style import (
     GREY,
@@ -404,14 +404,7 @@ def frequency_response(
         unit: of the amplitudes.
         ax: where to draw; pyplot's current axes if not given.
     """
-    return panel(response_panel(_arrays(curves, unit), resonance), ax=ax)
-
-
-def _arrays(curves: SweepCurves, unit: str) -> ShownResponse:
-    return ShownResponse(
-        frequency_hz=np.array(curves.frequency_hz),
-        measured=np.array(curves.measured_v),
-        before=np.array(curves.initial_v),
-        after=np.array(curves.final_v),
-        unit=unit,
-    )
+    each = (curves.measured_v, curves.initial_v, curves.final_v)
+    measured, before, after = (np.array(values) for values in each)
+    f = np.array(curves.frequency_hz)
+    return panel(response_panel(f, (measured, before, after), unit, resonance), ax=ax)
