@@ -62,14 +62,14 @@ from fitting.lab.synthesis import synthesize_curves as synthesize_curves
 from fitting.lab.tradeoff.api import StudyOptions as StudyOptions
 from fitting.lab.tradeoff.api import tradeoff as tradeoff
 from fitting.lab.tradeoff.api import write_tradeoff as write_tradeoff
-from fitting.measurements.complex_curve import ComplexCurve as ComplexCurve
-from fitting.measurements.complex_curve import Wiring as Wiring
+from fitting.measurements.complex_sweep import ComplexCurve as ComplexCurve
 from fitting.measurements.complex_sweep import ComplexSweep as ComplexSweep
+from fitting.measurements.complex_sweep import Wiring as Wiring
 from fitting.measurements.control_sweep import ControlSpectrum as ControlSpectrum
 from fitting.measurements.control_sweep import ControlSweep as ControlSweep
-from fitting.measurements.demodulated import DemodulatedTrace as DemodulatedTrace
 from fitting.measurements.kinds import read_campaign as read_campaign
 from fitting.measurements.noise import NoiseSpectrum as NoiseSpectrum
+from fitting.measurements.traces import DemodulatedTrace as DemodulatedTrace
 from fitting.measurements.traces import Trace as Trace
 from fitting.measurements.waveform import Chirp as Chirp
 from fitting.measurements.waveform import Pulse as Pulse

@@ -14,8 +14,7 @@ from fitting.api.problem import Problem
 from fitting.api.progress import status_line
 from fitting.campaign.arrays import Parameter, Sweep
 from fitting.campaign.bound import Drive, Setup
-from fitting.measurements.complex_curve import ComplexCurve
-from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.complex_sweep import ComplexCurve, ComplexSweep
 from fitting.measurements.traces import Trace
 from fitting.measurements.waveform import Chirp, Pulse
 from fitting.signal.scale import half_power_width

@@ -32,11 +32,10 @@ from fitting.fmu.models import built_model
 from fitting.fmu.parameter_set import SetValue, read_parameter_set
 from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.dataset import part_of
-from fitting.measurements.demodulated import DemodulatedTrace
 from fitting.measurements.kinds import read_campaign
 from fitting.measurements.measurement import Measurement, Response
 from fitting.measurements.noise import NoiseSpectrum
-from fitting.measurements.traces import Trace
+from fitting.measurements.traces import DemodulatedTrace, Trace
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, shown
 from fitting.text.units import checked_accuracy, convert

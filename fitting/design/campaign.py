@@ -14,7 +14,7 @@ from typing import Any
 from fitting.design.candidates import base_settings, frequencies_hz, levels_and_more, recording_of
 from fitting.design.limits import SWEEPS, TRACES, Limits, required
 from fitting.design.result import Design
-from fitting.extension.records import BoundCampaign, Recorded, TimeRecord, TraceRecord
+from fitting.extension.records import BoundCampaign, Recorded, TimeRecord, Trace
 from fitting.extension.report import phrases
 from fitting.fmu.description import FmuVariable
 from fitting.measurements.time_record import DETECTED
@@ -129,7 +129,7 @@ def campaign_files(
 
 def _heads(record: TimeRecord, output: str, variables: Mapping[str, FmuVariable]) -> list[str]:
     """Of the columns of a recording: X and Y, or the output and what drives it."""
-    if not isinstance(record, TraceRecord):
+    if not isinstance(record, Trace):
         return ["time (s)", f"X ({record.unit})", f"Y ({record.unit})"]
     inputs = [name for name, w in record.waveforms.items() if isinstance(w, Recorded)]
     driven = [f"{name} ({variables[name].unit or '1'})" for name in inputs]

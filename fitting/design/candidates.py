@@ -9,7 +9,7 @@ quadrature, a complex gain, a background and a cable:
 
     A = chi |P|                          S = e (a P + b + b' x)       e = exp(-i 2 pi (u - u0) tau)
 
-P is the response of the FMU, wirings as in `fitting.measurements.complex_curve`. Gains, scales and
+P is the response of the FMU, wirings as in `fitting.measurements.complex_sweep`. Gains, scales and
 backgrounds are unknown in a new sweep; where they enter derivatives they are taken to be those of
 the sweep so far whose scale is the median.
 

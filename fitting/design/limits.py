@@ -20,7 +20,7 @@ from fitting.extension.records import (
     BoundCampaign,
     Recorded,
     TimeRecord,
-    TraceRecord,
+    Trace,
     WrittenCampaign,
     WrittenDesign,
     WrittenSweeps,
@@ -29,9 +29,9 @@ from fitting.extension.records import (
 from fitting.fmu.description import READABLE, SETTABLE, FmuVariable
 from fitting.measurements.complex_sweep import ComplexSweep
 from fitting.measurements.control_sweep import ControlSweep
-from fitting.measurements.demodulated import DemodulatedRecord
 from fitting.measurements.records import Together
-from fitting.measurements.trace_survey import TracesTogether
+from fitting.measurements.time_record import Traces
+from fitting.measurements.traces import DemodulatedTrace
 from fitting.signal.combinations import Combination
 from fitting.signal.scale import half_power_width, laboratory_maximum
 from fitting.signal.time_grid import LEAST_SAMPLES
@@ -65,8 +65,8 @@ SWEEPS: Mapping[str, type[Together[Any]]] = {
     "complex_control_sweep": ComplexSweep,
 }
 TRACES: Mapping[str, type[Together[Any]]] = {
-    "trace": TracesTogether,
-    "demodulated_trace": TracesTogether,
+    "trace": Traces,
+    "demodulated_trace": Traces,
 }
 
 
@@ -495,12 +495,12 @@ class Continued:
                 )
             record = self.records[self.labels.index(label)]
             name = f"trace '{label}'" if label else "the trace"
-            if isinstance(record, DemodulatedRecord) and record.is_amplitude:
+            if isinstance(record, DemodulatedTrace) and record.is_amplitude:
                 raise BadInput(
                     f"{where}: {name} has amplitudes without phases, and recordings of X and Y are "
                     "proposed; wanted records with phases, by their names in 'of'"
                 )
-            driven = isinstance(record, TraceRecord) and record.driven is not None
+            driven = isinstance(record, Trace) and record.driven is not None
             if driven and record.has_unknown_start:
                 raise BadInput(
                     f"{where}: {name} is driven from an unknown start, of which nothing is known "
@@ -544,7 +544,7 @@ def longest_s(record: TimeRecord) -> float:
     Args:
         record: a trace.
     """
-    if not isinstance(record, TraceRecord):
+    if not isinstance(record, Trace):
         return math.inf
     ends = [float(w.time_s[-1]) for w in record.waveforms.values() if isinstance(w, Recorded)]
     return min(ends, default=math.inf) - float(record.t[0])

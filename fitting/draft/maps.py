@@ -43,7 +43,7 @@ from fitting.draft.document import (
 )
 from fitting.draft.model import Box, Offer, Starts, box_of
 from fitting.extension.records import Channel
-from fitting.measurements.control_tables import FILE
+from fitting.measurements.control_sweep import FILE
 from fitting.resonance.control_map import TABLES, ControlMap
 from fitting.resonance.file_control import (
     NAME,

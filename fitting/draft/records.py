@@ -52,7 +52,7 @@ from fitting.draft.model import (
     shown_lines,
 )
 from fitting.extension.fmu import FmuVariable, Run
-from fitting.extension.records import Channel, Pulse, Recording, TraceRecord, read_recording
+from fitting.extension.records import Channel, Pulse, Recording, Trace, read_recording
 from fitting.lines.names import TIME_PAGE
 from fitting.lines.ringdown import Ringdown, ringdown_of
 from fitting.lines.trace import AMPLITUDES, PHASORS, SAMPLES, DecayRecord, decay_record_of
@@ -481,7 +481,7 @@ def _showing(
     """
     pulse = Pulse(length_s=float(time_s[1] - time_s[0]))
     try:
-        trace = TraceRecord(time_s - time_s[0], np.cos(time_s), input=offer.inputs[0], driven=pulse)
+        trace = Trace(time_s - time_s[0], np.cos(time_s), input=offer.inputs[0], driven=pulse)
         [simulated] = offer.fmu.workers.run([_run_of(trace, start, offer.outputs)])
     except (FmuFailure, BadInput):
         return offer.outputs[0]
@@ -648,7 +648,7 @@ def _assigned(
     )
 
 
-def _record(file: TimeFile, offer: Offer, driven: str) -> TraceRecord:
+def _record(file: TimeFile, offer: Offer, driven: str) -> Trace:
     """The first samples of a recording, inputs in the units of the FMU."""
     time_s, path = file.time_s(MOST_SAMPLES), str(file.table.path)
 
@@ -658,7 +658,7 @@ def _record(file: TimeFile, offer: Offer, driven: str) -> TraceRecord:
             u = _converted(u, column.unit, offer.variables[name].unit, path)
         return time_s, u
 
-    return TraceRecord(
+    return Trace(
         time_s,
         file.table.numbers(file.observed)[:MOST_SAMPLES],
         input=driven if file.driven is not None else "",
@@ -674,7 +674,7 @@ def _converted(values: FloatArray, unit: str, wanted: str | None, where: str) ->
     return np.asarray(zero + (one - zero) * values)
 
 
-def _run_of(trace: TraceRecord, start: Mapping[str, Scalar], outputs: tuple[str, ...]) -> Run:
+def _run_of(trace: Trace, start: Mapping[str, Scalar], outputs: tuple[str, ...]) -> Run:
     """The run of a trace's times under its input."""
     window = trace.window()
     return Run(
@@ -687,7 +687,7 @@ def _run_of(trace: TraceRecord, start: Mapping[str, Scalar], outputs: tuple[str,
     )
 
 
-def _simulation(trace: TraceRecord, offer: Offer, output: str) -> Simulated:
+def _simulation(trace: Trace, offer: Offer, output: str) -> Simulated:
     """The output of the FMU under a record as a function of start values."""
 
     def simulated(values: Mapping[str, Scalar]) -> FloatArray | None:

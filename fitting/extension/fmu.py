@@ -15,7 +15,7 @@ from fitting.fmu.description import (
 from fitting.fmu.models import built_model
 from fitting.fmu.pool import FmuWorkers
 from fitting.fmu.runs import Handling, Run, SampledSignal, Segment
-from fitting.measurements.late import is_late
+from fitting.measurements.time_record import is_late
 from fitting.simulate.response import USUAL_ACCURACY
 
 __all__ = [

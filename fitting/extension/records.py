@@ -19,7 +19,7 @@ from fitting.campaign.instruments.recording import Channel, Recording, head_of
 from fitting.measurements.kinds import KINDS, read_campaign
 from fitting.measurements.measurement import Measurement, Prediction
 from fitting.measurements.time_record import TimeRecord
-from fitting.measurements.traces import TraceRecord
+from fitting.measurements.traces import Trace
 from fitting.measurements.waveform import Pulse, Recorded
 
 __all__ = [
@@ -34,7 +34,7 @@ __all__ = [
     "Recorded",
     "Recording",
     "TimeRecord",
-    "TraceRecord",
+    "Trace",
     "WrittenCampaign",
     "WrittenDesign",
     "WrittenFmu",

@@ -24,7 +24,6 @@ from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, measured_plan, plan_series
-from fitting.simulate.batch import Batch
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.finding import Finding
@@ -275,23 +274,18 @@ def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:
     model = DrivenModel(
         setup=setup, parameters=series.parameters, plan=draft, alternative=series.alternative
     )
+    zero = dict.fromkeys(setup.drive.amplitude_names, 0.0)
     share = 0.0
     try:
         for m in series.measurements:
-            ranges = []
-            for driven in (False, True):
-                # the first run at the start parameters, with the tones of the campaign or without
-                drive, batch = m.first_drive(driven=driven), Batch()
-                if drive is None:
-                    sampled = []
-                else:
-                    own = replace(model, setup=drive.setup)
-                    sampled = drive.sampled(own, starts(model.parameters), batch)
-                if sampled:
-                    batch.simulate(workers)
-                samples = batch.samples(sampled[0].run, sampled[0].output) if sampled else [0.0]
-                ranges.append(float(np.ptp(samples)))
-            share = max(share, ranges[0] / ranges[1] if ranges[1] > 0.0 else 0.0)
+            # the first drive at the start parameters, with every amplitude zero and as it is
+            for drive in m.drives(model, starts(model.parameters))[:1]:
+                off = {**drive.start_values, **zero}
+                pair = (replace(drive, start_values=off, amplitude=0.0), drive)
+                window = drive.window(draft.settle_s)
+                answers = workers.run([each.run(window, {}) for each in pair])
+                silent, driven = (float(np.ptp(answer[:, 0])) for answer in answers)
+                share = max(share, silent / driven if driven > 0.0 else 0.0)
     except NoAnswer:
         raise
     except (BadInput, FmuFailure):  # an FMU that cannot be without drive cannot be asked

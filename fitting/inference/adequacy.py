@@ -61,11 +61,11 @@ from fitting.lines.form import LineFit
 from fitting.lines.names import ADDED, OFFSET, SLOPE, TAIL, UNKNOWNS
 from fitting.lines.several import NOISE_P, fit_lines, not_by_chance, shows_all
 from fitting.lines.sweep import single_line_fits
-from fitting.measurements.complex_curve import BACKGROUNDS
-from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.complex_sweep import BACKGROUNDS, ComplexSweep
 from fitting.measurements.dataset import Dataset, own_scale
 from fitting.measurements.sweep import Sweep
-from fitting.measurements.traces import UNKNOWN, TraceRecord, Traces
+from fitting.measurements.time_record import Traces
+from fitting.measurements.traces import UNKNOWN, Trace
 from fitting.signal.misfit import (
     SURELY,
     Correlation,
@@ -345,6 +345,7 @@ def ending_of(
     kind: str = "described"
     if status is Status.MISFIT:
         kind = "no_line" if adequacy is not None and adequacy.no_line else "not_described"
+    estimated = any(math.isfinite(m.noise_freedom) for m in data.measurements)
     fitted, shares = 0, list[float]()
     for m, rows in zip(data.measurements, data.slices, strict=True):
         fitted += m.rows > 0
@@ -356,7 +357,7 @@ def ending_of(
         adequacy=adequacy,
         inflation=inflation,
         structure=structure,
-        noise="estimated" if any(m.estimates_noise for m in data.measurements) else "stated",
+        noise="estimated" if estimated else "stated",
         share=max(shares, default=math.nan),
         is_part=len(shares) < fitted,
     )
@@ -417,9 +418,11 @@ def closer_form(solution: Solution, fits: LineFits) -> Adequacy | None:
                 )
         elif isinstance(m, Traces):
             for trace in m.traces:
-                mine = slice(begin, begin + trace.y.size)
+                mine = slice(begin, begin + trace.rows)
                 begin = mine.stop
-                if trace.sigma == 0.0 and trace.start == UNKNOWN and not trace.is_driven:
+                if not isinstance(trace, Trace) or trace.sigma > 0.0:
+                    continue
+                if trace.start == UNKNOWN and not trace.is_driven:
                     unknowns = trace.solved_inside + model.unknowns
                     one = replace(model, residuals=residuals[mine], unknowns=unknowns)
                     refuted.append(compared_decay(trace, one))
@@ -645,7 +648,7 @@ def compared_complex(
 # --- free decays ----------------------------------------------------------------------------------
 
 
-def compared_decay(trace: TraceRecord, model: Model) -> Adequacy | None:
+def compared_decay(trace: Trace, model: Model) -> Adequacy | None:
     """A model of a free decay that fails against one line more; None where that is no better.
 
     Args:

@@ -39,7 +39,7 @@ from fitting.lines.solve import Fit
 from fitting.lines.trace import SAMPLES
 from fitting.measurements.measurement import Values
 from fitting.measurements.sweep import Sweep
-from fitting.measurements.traces import TraceRecord
+from fitting.measurements.traces import Trace
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure, residual_structure
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, FmuFailure, NoScale
@@ -98,7 +98,7 @@ class LineFits:
         return {name: fit for name, fit in fits.items() if not isinstance(fit, str)}
 
 
-def decaying_lines(trace: TraceRecord, count: int) -> tuple[Fit, tuple[float, ...], Structure]:
+def decaying_lines(trace: Trace, count: int) -> tuple[Fit, tuple[float, ...], Structure]:
     """Decaying lines of a free decay's first samples, over the largest one, fitted.
 
     Args:

@@ -31,8 +31,8 @@ from fitting.lab.laboratories import AnyBench, SweptBench
 from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC
 from fitting.lab.string import Drive
 from fitting.lab.writer import synthetic_files, truth_tables, written_mhz
-from fitting.measurements.complex_tables import ComplexControlSweepTable
-from fitting.measurements.control_tables import ControlSweepTable
+from fitting.measurements.complex_sweep import ComplexControlSweepTable
+from fitting.measurements.control_sweep import ControlSweepTable
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.files import path_from

@@ -17,10 +17,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self, cast, runtime_checkable
+from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter
@@ -107,11 +108,15 @@ class Measurement:
     setup: Setup
     #: Name of the series that it belongs to: measurements of one series share a scale.
     series: str
+    #: Whether its rows are samples over time, with which the runs of the FMU begin.
+    is_trace: ClassVar[bool] = False
+    #: Whether its rows hold amplitudes and phases: two for each value.
+    has_phases: ClassVar[bool] = False
 
     @property
     def rows(self) -> int:
         """Number of residual rows, zero where it serves the scale alone."""
-        return 0
+        return int(self.sigma.size)
 
     @property
     def sigma(self) -> FloatArray:
@@ -139,16 +144,6 @@ class Measurement:
         return ()
 
     @property
-    def is_trace(self) -> bool:
-        """Whether its rows are samples over time, with which the runs of the FMU begin."""
-        return False
-
-    @property
-    def has_phases(self) -> bool:
-        """Whether its rows hold amplitudes and phases: two for each value."""
-        return False
-
-    @property
     def sampled_hz(self) -> tuple[float, ...]:
         """Rates of samples: frequencies that differ by multiples of one have the same rows."""
         return ()
@@ -167,11 +162,6 @@ class Measurement:
     def parameters(self) -> tuple[Parameter, ...]:
         """What is fitted with the FMU's parameters, as the delay of a cable."""
         return ()
-
-    @property
-    def estimates_noise(self) -> bool:
-        """Whether the noise of its rows follows from the scatter of its data, where not stated."""
-        return False
 
     @property
     def noise_freedom(self) -> float:
@@ -276,14 +266,6 @@ class Measurement:
         """
         return []
 
-    def first_drive(self, *, driven: bool) -> Measurement | None:
-        """The same with the first of its drives alone; None where it has none.
-
-        Args:
-            driven: False: every amplitude of that drive is zero.
-        """
-        return None
-
     def scale(self, prediction: Prediction) -> Scale | None:
         """The scale that a prediction gives; None where this measurement gives none.
 
@@ -301,21 +283,23 @@ class Measurement:
         """
         raise NotImplementedError
 
-    def solved_columns(self, prediction: Prediction) -> FloatArray:
-        """Derivatives (rows, solved_inside) of the rows by what is solved inside.
-
-        Args:
-            prediction: of the measurement, without scale.
-        """
-        return np.empty((self.rows, 0))
-
     def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
-        """The same as stretches of rows, one after the other, each with unknowns of its own.
+        """Derivatives of the rows by what is solved inside.
+
+        They come as stretches of rows, one after the other, each with unknowns of its own.
 
         Args:
             prediction: of the measurement, without scale.
         """
-        return (self.solved_columns(prediction),)
+        return (np.empty((self.rows, 0)),)
+
+    def solved_columns(self, prediction: Prediction) -> FloatArray:
+        """The same of all rows, (rows, solved_inside).
+
+        Args:
+            prediction: of the measurement, without scale.
+        """
+        return np.asarray(block_diag(*self.solved_blocks(prediction)))
 
     def amplitude_rows(self, prediction: Prediction, rows: FloatArray) -> FloatArray:
         """What changes (rows, k) of the rows change of amplitudes alone, (m, k).
@@ -429,18 +413,6 @@ class Measurement:
                 "this kind of measurement is not divided"
             )
         return self if inside else None
-
-
-def without_drive(setup: Setup, settings: Mapping[str, Scalar]) -> tuple[Setup, dict[str, Scalar]]:
-    """Setup and settings of a drive with every amplitude zero, also those that are its own.
-
-    Args:
-        setup: how the FMU is driven.
-        settings: of the drive, by name.
-    """
-    drive = replace(setup.drive, amplitude=0.0)
-    own = {name: 0.0 for name in drive.amplitude_names if name in settings}
-    return replace(setup, drive=drive), {**settings, **own}
 
 
 @dataclass(frozen=True)

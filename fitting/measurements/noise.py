@@ -17,17 +17,21 @@ P_i/S_i follows a Gamma distribution of shape M and mean 1. Source: P. Whittle, 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from scipy.constants import Boltzmann
-from scipy.linalg import block_diag
 from scipy.special import digamma, gammaincinv, polygamma
 
 from fitting.campaign import Setup
+from fitting.campaign.binder import Binder
+from fitting.campaign.instruments import read_recording
+from fitting.campaign.instruments.recording import Channel, Recording, Selection, unit_of
+from fitting.campaign.instruments.roles import HOLDS, Density, density_of, relative_density
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import (
     DRAWN,
@@ -42,14 +46,27 @@ from fitting.measurements.figure import (
 )
 from fitting.measurements.gain import Solved
 from fitting.measurements.measurement import Estimated, Predicting, Prediction, Values
-from fitting.measurements.records import Curve, CurvesTogether, OfSetup, Record
+from fitting.measurements.records import Curve, CurvesTogether, OfSetup, ReadColumn, RecordTable
 from fitting.measurements.residuals import ResidualCurve, mistakes
+from fitting.signal.roughness import MEDIAN_OF_NORMAL
 from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, as_numbers, require_size
 from fitting.text.errors import BadInput, NoScale
 from fitting.text.finding import Kind
 from fitting.text.notation import number
+from fitting.text.schema import (
+    FileName,
+    Keys,
+    Missing,
+    OneOf,
+    Positive,
+    Refused,
+    Switch,
+    Text,
+    Value,
+)
+from fitting.text.units import above_zero, same_kind
 
 WHITE, THERMAL, COLOURED = FORCES = ("white", "thermal", "coloured")
 TAPERS = {"hann": np.hanning, "hamming": np.hamming, "blackman": np.blackman}
@@ -72,16 +89,144 @@ REACHED, TABULATED = 30.0, 60_001
 QUANTILES = 2000
 
 
+#: Deviance of a point beyond which a spectrum is not followed at all, if a constant does as well.
+FAR, AS_WELL = 3.0, 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSpectra(CurvesTogether["NoiseSpectrum"]):
+    """One or several noise spectra that are fitted together, a row for each point.
+
+    Raises:
+        BadInput: no spectrum, two of one name, or a drive without a level.
+    """
+
+    FIELD = "spectra"
+
+    spectra: tuple[NoiseSpectrum, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.setup.drive.amplitude > 0.0:
+            raise BadInput(
+                "noise spectrum: the drive's level is zero; wanted one, for the response to tones"
+            )
+
+    @property
+    def datum_noise(self) -> float:
+        """Relative standard deviation of the amplitude in a bin, half of that of its density."""
+        return float(0.5 / np.sqrt(max(each.count for each in self.spectra)))
+
+    @property
+    def is_curve(self) -> bool:
+        """Its residuals show how neighbours are correlated, where enough was averaged."""
+        return all(each.is_curve for each in self.spectra)
+
+    def predict(
+        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
+    ) -> Predicting:
+        """Spectra with the levels and floors that suit the data best."""
+        result = yield from self.responses(model, table, batch)
+        size = model.setup.drive.amplitude
+        return [
+            self.solved([responses[k] / size for responses in result]) for k in range(len(table))
+        ]
+
+    def solved(self, responses: Sequence[ComplexArray]) -> Prediction:
+        """Spectra that responses make, with the best levels and floors.
+
+        Args:
+            responses: H of every spectrum, (n,), output over drive.
+        """
+        values, solved = [], []
+        for each, response in zip(self.spectra, responses, strict=True):
+            shape = each.widened(each.shape(response))
+            known = Boltzmann * each.temperature_k if each.is_absolute else None
+            a, b = best_levels(shape, each.y, known, floor=each.floor)
+            values.append(a * shape + b)
+            solved.append(Solved(np.stack([shape, np.ones_like(shape)], axis=1), np.array([a, b])))
+        return Prediction(np.concatenate(values), solved=tuple(solved))
+
+    def solved_blocks(self, prediction: Prediction) -> Sequence[FloatArray]:
+        """Derivatives of the rows by levels and floors."""
+        blocks = []
+        for each, solved in zip(self.spectra, prediction.solved, strict=True):
+            shape, (a, b) = solved.design[:, 0], solved.coefficients
+            slope = np.sqrt(each.count) / (a * shape + b)  # of a row near S = P
+            columns = [] if each.is_absolute else [shape * slope]
+            columns += [slope] if each.floor else []
+            blocks.append(np.stack(columns, axis=1) if columns else np.empty((shape.size, 0)))
+        return blocks
+
+    def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
+        """Temperature, or the read-out in volts per metre, of every thermal spectrum."""
+        columns, begin = self.solved_columns(prediction) / sigma[:, None], 0
+        result: dict[str, Estimated] = {}
+        # levels and floors have units of their own: of one size, so that none counts for nothing
+        sizes = np.linalg.norm(columns, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        inverse = np.linalg.pinv((columns / sizes).T @ (columns / sizes)) / np.outer(sizes, sizes)
+        for each, solved in zip(self.spectra, prediction.solved, strict=True):
+            a = float(solved.coefficients[0])
+            at, begin = begin, begin + each.solved_inside
+            if each.force != THERMAL or each.is_absolute or not a > 0.0:
+                continue
+            tag, std = f"[{each.label}]" if each.label else "", float(np.sqrt(inverse[at, at]))
+            if each.temperature_k:
+                value = float(np.sqrt(a / (Boltzmann * each.temperature_k)))
+                result[f"read-out in {each.unit}/m{tag}"] = Estimated(value, 0.5 * value * std / a)
+            elif each.unit == "m" and each.drives_force:
+                result[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
+        return result
+
+    def unexplained(self, residuals: FloatArray) -> str:
+        """Spectra that a constant describes half as well, and that are far off."""
+        flat = np.concatenate([x.residuals(np.full(x.y.size, np.mean(x.y))) for x in self.spectra])
+        left = float(residuals @ residuals)
+        if left > AS_WELL * float(flat @ flat) and left > FAR * residuals.size:
+            return "the simulated spectrum does not follow the measured one"
+        return ""
+
+
+#: Share of the points that the band about the model holds.
+INSIDE = 0.95
+
+
+@checked
 @dataclass(frozen=True, eq=False)
-class NoiseRecord(Record, Curve):
+class NoiseSpectrum(OfSetup, Curve):
     """A power spectral density of one output of the FMU under a random force.
 
-    `fitting.NoiseSpectrum` explains its fields.
+    Args:
+        frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
+        density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
+        averages: Independent periodograms that were averaged, at least 1; None: estimated from the
+            scatter.
+        force: "white": constant density, level solved for; "thermal": as damping and temperature
+            require; "coloured": known density, factor solved for.
+        force_density: (coloured) density of the force, shape (n,), any unit, above zero.
+        temperature_k: Of the resonator, K; 0: unknown, solved for.
+        mass_kg: Where the FMU's drive is an acceleration, kg; 0: its drive is a force.
+        spring_constant: Instead of the mass, N/m; 0: not used.
+        drives_force: (thermal) whether there is a force or mass, for the temperature.
+        floor: Whether a white floor is solved for.
+        window: Of the periodograms, each one over the spacing of the frequencies long: widens the
+            lines; every second point is used.
+        settings: Start values of the FMU by variable, in the FMU's units.
+        label: Name of the spectrum; required with several.
+        output: The observed output of the FMU; empty: the setup's.
+        unit: Whose square per Hz the density has.
+        source: Its name in errors.
+        setup: How tones drive the FMU, and the observed output.
+        series: Measurements of one series share their setup.
 
     Raises:
         BadInput: shapes that differ, frequencies that do not rise, densities that are not above
             zero, fewer averages than one, a negative temperature, mass or spring constant.
     """
+
+    NOUN = "noise spectrum"
+    TOGETHER = NoiseSpectra
 
     frequency_hz: npt.ArrayLike
     density: npt.ArrayLike
@@ -241,11 +386,6 @@ class NoiseRecord(Record, Curve):
         return bool(self.force == THERMAL and self.temperature_k and self.unit == "m")
 
     @property
-    def known_level(self) -> float | None:
-        """k_B T where it is known, J; None: the level is solved for."""
-        return Boltzmann * self.temperature_k if self.is_absolute else None
-
-    @property
     def solved_inside(self) -> int:
         """Level and floor, where they are not known."""
         return int(not self.is_absolute) + int(self.floor)
@@ -335,9 +475,50 @@ class NoiseRecord(Record, Curve):
         table = -np.sign(logarithm) * np.sqrt(np.maximum(deviance, 0.0))
         return np.asarray(self.y / np.exp(np.interp(-rows, -table, logarithm)))
 
+    def figure(self, before: Values, after: Values) -> Figure:
+        """The model with the band that holds 95 % of the points; signed deviances below.
 
-#: Median of |x| over its standard deviation, of a normal x.
-MEDIAN = 0.6744897501960817
+        Args:
+            before: as simulated with the start parameters, (n,), in the spectrum's unit.
+            after: with the fitted ones.
+        """
+        start, fitted = before.real, after.real
+        every = slice(None, None, -(-self.observed_hz.size // DRAWN))
+        u, x = self.observed_hz[every], Axis("frequency", "Hz")
+        tails = 0.5 * (1.0 - INSIDE)
+        low, high = gammaincinv(self.count, [tails, 1.0 - tails]) / self.count
+        y = Axis("density" if self.unit == "1" else f"density ({self.unit}²/Hz)", log=True)
+        band = "95 % of the points, if the model is right"
+        shown = compared((x, y), u, self.y[every], start[every], fitted[every])
+        bounds = (
+            Layer(Role.OTHER, Form.CURVE, u, low * fitted[every], label=band),
+            Layer(Role.OTHER, Form.CURVE, u, high * fitted[every]),
+        )
+        shown = replace(shown, layers=(*shown.layers, *bounds))
+        rows = self.residuals(fitted)
+        rest = residual_points((x, Axis("signed root of deviance")), u, [("", rows[every])])
+        share = float(np.mean((self.y >= low * fitted) & (self.y <= high * fitted)))
+        inside = f"{number(100.0 * share, 3)} % of the points lie within the band"
+        averages = f"{number(self.count, 4)} averages"
+        if self.averages is None:
+            averages = f"about {number(self.count, 2)} averages, by their scatter,"
+        return record_figure(
+            "noise",
+            "Noise spectrum",
+            self.label,
+            caption=(
+                f"{self.observed_hz.size} points of {averages} with the "
+                f"model before and after the fit; {inside} that holds "
+                "95 % of them if the model is right. Below: the signed roots of their deviances."
+            ),
+            alt=(
+                f"A noise spectrum of {self.observed_hz.size} points with the fitted model; "
+                f"{inside}."
+            ),
+            panels=(shown, rest),
+        )
+
+
 #: Averages that are looked for.
 MOST, KNOTS = 1e7, 2000
 
@@ -353,7 +534,7 @@ def estimated_averages(density: FloatArray) -> float:
         density: at points that scatter independently, (n,), above zero.
     """
     bent = np.diff(np.log(density), 2)
-    variance = (float(np.median(np.abs(bent))) / MEDIAN) ** 2 / 6.0
+    variance = (float(np.median(np.abs(bent))) / MEDIAN_OF_NORMAL) ** 2 / 6.0
     counts = np.geomspace(1.0, MOST, KNOTS)
     falling = polygamma(1, counts)
     return float(np.exp(np.interp(-variance, -falling, np.log(counts))))
@@ -419,199 +600,164 @@ def _step(
     return np.asarray(np.where(moving, -np.sign(slope) * 0.1 * np.max(levels), 0.0))
 
 
-#: Share of the points that the band about the model holds.
-INSIDE = 0.95
-
-
-def noise_figure(spectrum: NoiseRecord, before: FloatArray, after: FloatArray) -> Figure:
-    """A spectrum with the model and the band that holds 95 % of the points; signed deviances below.
-
-    Args:
-        spectrum: as measured.
-        before: as simulated with the start parameters, (n,), in the spectrum's unit.
-        after: with the fitted ones.
-    """
-    every = slice(None, None, -(-spectrum.observed_hz.size // DRAWN))
-    u, x = spectrum.observed_hz[every], Axis("frequency", "Hz")
-    tails = 0.5 * (1.0 - INSIDE)
-    low, high = gammaincinv(spectrum.count, [tails, 1.0 - tails]) / spectrum.count
-    y = Axis("density" if spectrum.unit == "1" else f"density ({spectrum.unit}²/Hz)", log=True)
-    band = "95 % of the points, if the model is right"
-    shown = compared((x, y), u, spectrum.y[every], before[every], after[every])
-    bounds = (
-        Layer(Role.OTHER, Form.CURVE, u, low * after[every], label=band),
-        Layer(Role.OTHER, Form.CURVE, u, high * after[every]),
-    )
-    shown = replace(shown, layers=(*shown.layers, *bounds))
-    rows = spectrum.residuals(after)
-    rest = residual_points((x, Axis("signed root of deviance")), u, [("", rows[every])])
-    share = float(np.mean((spectrum.y >= low * after) & (spectrum.y <= high * after)))
-    inside = f"{number(100.0 * share, 3)} % of the points lie within the band"
-    averages = f"{number(spectrum.count, 4)} averages"
-    if spectrum.averages is None:
-        averages = f"about {number(spectrum.count, 2)} averages, by their scatter,"
-    return record_figure(
-        "noise",
-        "Noise spectrum",
-        spectrum.label,
-        caption=(
-            f"{spectrum.observed_hz.size} points of {averages} with the "
-            f"model before and after the fit; {inside} that holds "
-            "95 % of them if the model is right. Below: the signed roots of their deviances."
-        ),
-        alt=(
-            f"A noise spectrum of {spectrum.observed_hz.size} points with the fitted model; "
-            f"{inside}."
-        ),
-        panels=(shown, rest),
-    )
-
-
-#: Deviance of a point beyond which a spectrum is not followed at all, if a constant does as well.
-FAR, AS_WELL = 3.0, 0.5
-
-
-@checked
-@dataclass(frozen=True, eq=False)
-class NoiseSpectrum(NoiseRecord, OfSetup):
-    """A power spectral density of one output of the FMU under a random force.
-
-    Args:
-        frequency_hz: Frequencies, shape (n,), Hz, rising; a first one of 0 is left out.
-        density: One-sided power spectral density, shape (n,), ``unit`` squared per Hz, above zero.
-        averages: Independent periodograms that were averaged, at least 1; None: estimated from the
-            scatter.
-        force: "white": constant density, level solved for; "thermal": as damping and temperature
-            require; "coloured": known density, factor solved for.
-        force_density: (coloured) density of the force, shape (n,), any unit, above zero.
-        temperature_k: Of the resonator, K; 0: unknown, solved for.
-        mass_kg: Where the FMU's drive is an acceleration, kg; 0: its drive is a force.
-        spring_constant: Instead of the mass, N/m; 0: not used.
-        drives_force: (thermal) whether there is a force or mass, for the temperature.
-        floor: Whether a white floor is solved for.
-        window: Of the periodograms, each one over the spacing of the frequencies long: widens the
-            lines; every second point is used.
-        settings: Start values of the FMU by variable, in the FMU's units.
-        label: Name of the spectrum; required with several.
-        output: The observed output of the FMU; empty: the setup's.
-        unit: Whose square per Hz the density has.
-        source: Its name in errors.
-        setup: How tones drive the FMU, and the observed output.
-        series: Measurements of one series share their setup.
-
-    Raises:
-        BadInput: shapes that differ, frequencies that do not rise, densities that are not above
-            zero, fewer averages than one, a negative temperature, mass or spring constant.
-    """
-
-    def within(self, setup: Setup, series: str) -> NoiseSpectra:
-        """The measurement, as part of a series that is driven so.
-
-        Args:
-            setup: how the series drives the FMU.
-            series: its name.
-        """
-        return NoiseSpectra(setup=setup, spectra=(self,)).within(setup, series)
+#: What a campaign may state of the resonator: by key the field of a record, and its unit.
+STATED = {
+    "temperature": ("temperature_k", "K"),
+    "mass": ("mass_kg", "kg"),
+    "spring_constant": ("spring_constant", "N/m"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoiseSpectra(CurvesTogether[NoiseRecord]):
-    """One or several noise spectra that are fitted together, a row for each point.
+class WrittenNoiseColumns(Keys):
+    """Names of a noise spectrum's columns where they are not the usual ones (empty)."""
 
-    Raises:
-        BadInput: no spectrum, two of one name, or a drive without a level.
+    frequency: Text = ""
+    """Column of frequencies; without it "frequency"."""
+    density: Text = ""
+    """Column of the power spectral density; without it "density"."""
+    force: Text = ""
+    """(coloured) column of the force's density, in any unit; without it "force"."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseSpectrumTable(RecordTable):
+    """A power spectral density of one output of the FMU under a random force.
+
+    Several of these tables are fitted together.
     """
 
-    FIELD = "spectra"
-    NOUN = "noise spectrum"
+    TABLE: ClassVar[str] = "noise_spectrum"
+    TOGETHER = NoiseSpectra
 
-    spectra: tuple[NoiseRecord, ...] = ()
+    file: Annotated[FileName, Missing("wanted a table of frequencies and densities with units")]
+    """Columns frequency and density, each with its unit, as "density (V2/Hz)"; one-sided."""
+    averages: Positive | None = None
+    """Independent periodograms that were averaged; without it from the scatter."""
+    columns: WrittenNoiseColumns = field(default_factory=WrittenNoiseColumns)
+    """Columns of other than the usual names."""
+    holds: Annotated[Text | None, OneOf(HOLDS)] = None
+    """"density" or its "root", of a column whose unit does not state it: then relative numbers."""
+    force: Annotated[Text, OneOf(FORCES)] = WHITE
+    """"white": of constant density; "thermal": as the damping requires; "coloured": with a density
+    in a column."""
+    temperature: Value | None = None
+    """(thermal) of the resonator, as "300 K"; without it solved for, of a displacement."""
+    mass: Value | None = None
+    """(thermal) of the mode, if the FMU's drive is an acceleration; without it a force."""
+    spring_constant: Value | None = None
+    """(thermal) instead of the mass."""
+    floor: Switch = True
+    """Whether a white floor is solved for."""
+    window: Annotated[Text, OneOf(WINDOWS)] = "none"
+    """Of the periodograms, each one over the spacing of the frequencies long."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.setup.drive.amplitude > 0.0:
-            raise BadInput(
-                "noise spectrum: the drive's level is zero; wanted one, for the response to tones"
-            )
+        if self.averages is not None and self.averages < 1.0:
+            raise Refused(f"found {self.averages:g}, wanted 1 or more", "averages")
+        for key in ("temperature", "mass", "spring_constant"):
+            if getattr(self, key) is not None and self.force != THERMAL:
+                raise Refused('has a meaning with force = "thermal" only', key)
+        if self.mass is not None and self.spring_constant is not None:
+            raise Refused("is given together with mass; wanted one of them", "spring_constant")
 
-    @property
-    def datum_noise(self) -> float:
-        """Relative standard deviation of the amplitude in a bin, half of that of its density."""
-        return float(0.5 / np.sqrt(max(each.count for each in self.spectra)))
-
-    @property
-    def is_curve(self) -> bool:
-        """Its residuals show how neighbours are correlated, where enough was averaged."""
-        return all(each.is_curve for each in self.spectra)
-
-    def predict(
-        self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
-    ) -> Predicting:
-        """Spectra with the levels and floors that suit the data best."""
-        result = yield from self.responses(model, table, batch)
-        size = model.setup.drive.amplitude
-        return [
-            self.solved([responses[k] / size for responses in result]) for k in range(len(table))
-        ]
-
-    def solved(self, responses: Sequence[ComplexArray]) -> Prediction:
-        """Spectra that responses make, with the best levels and floors.
+    def record(self, label: str) -> NoiseSpectrum:
+        """The columns of the file, in SI units.
 
         Args:
-            responses: H of every spectrum, (n,), output over drive.
+            label: of the spectrum.
+
+        Raises:
+            BadInput: a column or unit that is missing, or no unit of a power spectral density.
         """
-        pairs = zip(self.spectra, responses, strict=True)
-        shapes = tuple(x.widened(x.shape(h)) for x, h in pairs)
-        levels = tuple(
-            best_levels(shape, each.y, each.known_level, floor=each.floor)
-            for each, shape in zip(self.spectra, shapes, strict=True)
+        names = self.columns
+        given = Selection(
+            frequency=names.frequency,
+            amplitude=names.density,
+            further=(names.force,) if names.force else (),
         )
-        values, solved = [], []
-        for shape, (a, b) in zip(shapes, levels, strict=True):
-            values.append(a * shape + b)
-            solved.append(Solved(np.stack([shape, np.ones_like(shape)], axis=1), np.array([a, b])))
-        return Prediction(np.concatenate(values), solved=tuple(solved))
+        table = read_recording(self.file, selection=given)
+        frequency = self._column(table, names.frequency, "frequency")
+        density = self._column(table, names.density, "density")
+        f = ReadColumn.of(table, frequency, "frequency (Hz)").into("Hz")
+        read = self._density(table, density)
+        force = None
+        if self.force == COLOURED:
+            force = table.numbers(self._column(table, names.force, "force"))
+        elif names.force:
+            raise BadInput(f'{self.file}: columns.force has a meaning with force = "{COLOURED}"')
+        return NoiseSpectrum(
+            f.values,
+            read.numbers,
+            averages=self.averages,
+            force=self.force,
+            force_density=force,
+            floor=self.floor,
+            window=self.window,
+            label=label,
+            unit=read.unit,
+            source=str(self.file),
+        )
 
-    def solved_columns(self, prediction: Prediction) -> FloatArray:
-        """Derivatives of the rows by levels and floors."""
-        blocks = []
-        for each, solved in zip(self.spectra, prediction.solved, strict=True):
-            shape, (a, b) = solved.design[:, 0], solved.coefficients
-            slope = np.sqrt(each.count) / (a * shape + b)  # of a row near S = P
-            columns = [] if each.is_absolute else [shape * slope]
-            columns += [slope] if each.floor else []
-            blocks.append(np.stack(columns, axis=1) if columns else np.empty((shape.size, 0)))
-        return np.asarray(block_diag(*blocks))
+    def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
+        """What examines each name and value by itself, what is stated of the resonator as well."""
+        yield from super().checks(binder, setup)
+        for key, (_, unit) in STATED.items():
+            yield partial(above_zero, getattr(self, key), unit)
 
-    def qualities(self, prediction: Prediction, sigma: FloatArray) -> Mapping[str, Estimated]:
-        """Temperature, or the read-out in volts per metre, of every thermal spectrum."""
-        columns, begin = self.solved_columns(prediction) / sigma[:, None], 0
-        result: dict[str, Estimated] = {}
-        # levels and floors have units of their own: of one size, so that none counts for nothing
-        sizes = np.linalg.norm(columns, axis=0)
-        sizes = np.where(sizes > 0.0, sizes, 1.0)
-        inverse = np.linalg.pinv((columns / sizes).T @ (columns / sizes)) / np.outer(sizes, sizes)
-        for each, solved in zip(self.spectra, prediction.solved, strict=True):
-            a = float(solved.coefficients[0])
-            at, begin = begin, begin + each.solved_inside
-            if each.force != THERMAL or each.is_absolute or not a > 0.0:
-                continue
-            tag, std = f"[{each.label}]" if each.label else "", float(np.sqrt(inverse[at, at]))
-            if each.temperature_k:
-                value = float(np.sqrt(a / (Boltzmann * each.temperature_k)))
-                result[f"read-out in {each.unit}/m{tag}"] = Estimated(value, 0.5 * value * std / a)
-            elif each.unit == "m" and each.drives_force:
-                result[f"temperature in K{tag}"] = Estimated(a / Boltzmann, std / Boltzmann)
+    def known(self, binder: Binder, setup: Setup) -> dict[str, Any]:
+        """Settings, output, what is stated of the resonator, whether the drive is a force."""
+        stated = {
+            name: above_zero(getattr(self, key), unit) for key, (name, unit) in STATED.items()
+        }
+        drives_force = self._drives_force(binder, setup)
+        return super().known(binder, setup) | stated | {"drives_force": drives_force}
+
+    def _density(self, table: Recording, column: Channel) -> Density:
+        """The column as a density, by its unit or by the campaign's declaration of its content."""
+        where = f"{self.file}: column '{column.name}'"
+        result = None if column.unit is None else density_of(table.numbers(column), column.unit)
+        if result is None and self.holds is not None:
+            result = relative_density(table.numbers(column), column.unit, self.holds)
+        if result is None:
+            unit = unit_of(table, column, "density (V2/Hz)")
+            raise BadInput(
+                f"{where}: found unit '{unit}', wanted that of a power spectral density, as V2/Hz "
+                'or nm2/Hz, or of its root, as V/√Hz; or holds = "density" or "root" in '
+                f"[[{self.TABLE}]], of relative numbers"
+            )
+        if result.is_relative and self.temperature is not None:
+            raise BadInput(
+                f"{where}: its numbers are relative ones; wanted a unit, as V2/Hz, with a "
+                "temperature"
+            )
         return result
 
-    def unexplained(self, residuals: FloatArray) -> str:
-        """Spectra that a constant describes half as well, and that are far off."""
-        flat = np.concatenate([x.residuals(np.full(x.y.size, np.mean(x.y))) for x in self.spectra])
-        left = float(residuals @ residuals)
-        if left > AS_WELL * float(flat @ flat) and left > FAR * residuals.size:
-            return "the simulated spectrum does not follow the measured one"
-        return ""
+    def _column(self, table: Recording, name: str, usual: str) -> Channel:
+        """A column by its name in the campaign, else by its usual one."""
+        if name or table.find(usual) is not None:
+            return table.column(name or usual)
+        there = ", ".join(column.name for column in table.channels)
+        raise BadInput(
+            f"{self.file}: no column '{usual}'; there is: {there}; wanted its name in "
+            f'[[{self.TABLE}]], as columns = {{ {usual} = "NAME" }}'
+        )
 
-    def figure_of(self, record: NoiseRecord, before: Values, after: Values) -> Figure:
-        """A spectrum with the model, the band of its likelihood, and the signed deviances."""
-        return noise_figure(record, before.real, after.real)
+    def _drives_force(self, binder: Binder, setup: Setup) -> bool:
+        """Whether the drive is a force, or an acceleration of a mass that is given.
+
+        Raises:
+            BadInput: a temperature is given, and the mass of an acceleration is not.
+        """
+        drive = setup.drive
+        names = [n for n in (*drive.amplitude_names, drive.input) if n in binder.variables]
+        units = [binder.variables[n].unit or "" for n in names if n is not None]
+        accelerates = any(same_kind(unit, "m/s**2") for unit in units if unit)
+        if not accelerates or self.mass is not None or self.spring_constant is not None:
+            return True
+        if self.temperature is not None:
+            raise BadInput(
+                f"{setup.source}: [[{self.TABLE}]] temperature: the FMU's drive is an "
+                "acceleration; wanted mass or spring_constant with it"
+            )
+        return False

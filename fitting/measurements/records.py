@@ -17,20 +17,20 @@ import numpy as np
 
 from fitting.campaign import Setup
 from fitting.campaign.binder import Binder
+from fitting.campaign.bound import Drive as DriveBy
 from fitting.campaign.drift import bind_sigmas
 from fitting.campaign.instruments.recording import Channel, Recording, unit_of
 from fitting.campaign.kind import MeasurementTable
-from fitting.campaign.parameters import Parameter
 from fitting.fmu.description import READABLE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Figure
-from fitting.measurements.measurement import Measurement, Prediction, Sampled, Values, without_drive
+from fitting.measurements.measurement import Measurement, Prediction, Sampled, Values
 from fitting.measurements.plan import Plan
-from fitting.measurements.residuals import ResidualCurve, least_noise, white_noise
+from fitting.measurements.residuals import ResidualCurve, least_noise, mistakes, white_noise
 from fitting.measurements.response_curve import ResponseCurve, plan_curve
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
 from fitting.text.errors import BadInput, gathered
 from fitting.text.finding import Finding
 from fitting.text.schema import FileName, Text, Value
@@ -42,6 +42,9 @@ class Measured:
 
     ``rows`` is their number of residual rows, ``largest`` what these are relative to.
     """
+
+    #: What one of them is called.
+    NOUN: ClassVar[str]
 
     label: str
     settings: Mapping[str, Scalar]
@@ -62,8 +65,8 @@ class Measured:
 
     @property
     def rows(self) -> int:
-        """Number of residual rows: one for each value."""
-        return int(self.y.size)
+        """Number of residual rows: one for each real value, two for each complex one."""
+        return int(self.y.size) * (2 if np.iscomplexobj(self.y) else 1)
 
     @property
     def row_sigma(self) -> float:
@@ -77,12 +80,14 @@ class Measured:
         return white_noise(self.y) / largest if largest > 0.0 else 0.0
 
     def rows_of(self, values: Values) -> FloatArray:
-        """Rows of a difference from the data.
+        """Rows of a difference from the data over the largest: real parts, then imaginary ones.
 
         Args:
             values: simulated less measured, (n,), in the unit of the data.
         """
-        raise NotImplementedError
+        if np.iscomplexobj(self.y):
+            return np.asarray(both_parts(np.asarray(values, dtype=complex)) / self.largest)
+        return np.asarray(values.real / self.largest)
 
     def residuals(self, simulated: Values) -> FloatArray:
         """Rows of simulated values.
@@ -93,12 +98,12 @@ class Measured:
         return self.rows_of(simulated - self.y)
 
     def share_left(self, rows: FloatArray) -> float:
-        """Root mean square of its residuals, over its largest amplitude.
+        """Root mean square distance from the model, over its largest amplitude.
 
         Args:
             rows: residuals, (rows,).
         """
-        return float(np.sqrt(np.mean(rows**2)))
+        return float(np.sqrt(self.rows / self.y.size * np.mean(rows**2)))
 
     def residual_curve(self, at: slice, rows: FloatArray) -> ResidualCurve:
         """Its residuals along the axis of its values.
@@ -106,6 +111,15 @@ class Measured:
         Args:
             at: which rows of the measurement these are.
             rows: residuals, (rows,).
+        """
+        raise NotImplementedError
+
+    def figure(self, before: Values, after: Values) -> Figure:
+        """What was measured with the model, and its residuals.
+
+        Args:
+            before: as simulated with the start parameters, (n,), in the unit of the data.
+            after: with the fitted ones.
         """
         raise NotImplementedError
 
@@ -120,6 +134,27 @@ class Curve(Measured):
         """Where the response is largest, Hz."""
         return float(self.u_hz[int(np.argmax(self.y))])
 
+    def residual_curve(self, at: slice, rows: FloatArray) -> ResidualCurve:
+        """Its residuals over frequency, its real parts, then its imaginary ones.
+
+        Args:
+            at: which rows of the measurement these are.
+            rows: residuals, (rows,).
+        """
+        left, parts = rows, self.rows // self.y.size
+        if parts > 1:
+            left = rows[: self.y.size] + 1j * rows[self.y.size :]
+        values = self.y + self.largest * left
+        return ResidualCurve(
+            rows=np.arange(at.start, at.stop),
+            share=np.full(rows.size, np.sqrt(float(parts))),  # of the distance from the model
+            axis=np.tile(self.u_hz, parts),
+            name=self.label,
+            columns=mistakes(self.u_hz, values, 1.0 / self.largest),
+            model=values,
+            measured=self.y,
+        )
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Record(Measured):
@@ -130,28 +165,27 @@ class Record(Measured):
     output: str = ""
     unit: str = "V"
 
-    @property
-    def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
-        """Label and settings."""
-        return ((self.label, self.settings),)
-
-    @property
-    def control_units(self) -> Mapping[str, str]:
-        """None: settings are variables of the FMU."""
-        return {}
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """None: the FMU has all of them."""
-        return ()
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OfSetup:
+class OfSetup(Record):
     """What makes a record a measurement by itself: its setup, and the series that it belongs to."""
 
-    setup: Setup
+    setup: Setup = field(default_factory=partial(Setup, DriveBy(), ""))
     series: str = ""
+
+    #: The measurement that records of this kind are together.
+    TOGETHER: ClassVar[type[Together[Any]]]
+
+    def within(self, setup: Setup, series: str) -> Together[Any]:
+        """The measurement, as part of a series that is driven so.
+
+        Args:
+            setup: how the series drives the FMU.
+            series: its name.
+        """
+        alone: Any = self.TOGETHER
+        result: Together[Any] = alone(setup=setup, **{alone.FIELD: (self,)})
+        return result.within(setup, series)
 
 
 R = TypeVar("R", bound=Measured)
@@ -170,8 +204,6 @@ class Together(Measurement, Generic[R]):
     """
 
     FIELD: ClassVar[str]
-    #: What one of them is called.
-    NOUN: ClassVar[str]
 
     setup: Setup
     series: str = field(default="", kw_only=True)
@@ -179,9 +211,10 @@ class Together(Measurement, Generic[R]):
     def __post_init__(self) -> None:
         labels = [record.label for record in self.records]
         if not labels or len(set(labels)) < len(labels):
+            noun = next((record.NOUN for record in self.records), "record")
             raise BadInput(
-                f"{self.NOUN}: labels {', '.join(labels) or 'of none'}; wanted at least one "
-                f"{self.NOUN}, each with a name of its own"
+                f"{noun}: labels {', '.join(labels) or 'of none'}; wanted at least one {noun}, "
+                "each with a name of its own"
             )
 
     @property
@@ -213,11 +246,6 @@ class Together(Measurement, Generic[R]):
     def left_out(self) -> tuple[Finding, ...]:
         """Points that an instrument cut off."""
         return tuple(result for record in self.records for result in record.left_out)
-
-    @property
-    def rows(self) -> int:
-        """Those of all records."""
-        return sum(record.rows for record in self.records)
 
     @cached_property
     def sigma(self) -> FloatArray:
@@ -295,23 +323,14 @@ class Together(Measurement, Generic[R]):
         pairs = zip(self.records, level, strict=True)
         flat = np.concatenate([record.rows_of(values) for record, values in pairs])
         missed = self._misses_curve(flat, residuals)
-        return f"the simulated {self.NOUN} does not follow the measured one" if missed else ""
+        noun = self.records[0].NOUN
+        return f"the simulated {noun} does not follow the measured one" if missed else ""
 
     def figures(self, before: Values, after: Values) -> Sequence[Figure]:
         """Every record with the model, and its residuals."""
         trios = zip(self.records, self.split(before), self.split(after), strict=True)
-        each = (self.figure_of(record, b, a) for record, b, a in trios)
+        each = (record.figure(b, a) for record, b, a in trios)
         return tuple(replace(figure, series=self.series) for figure in each)
-
-    def figure_of(self, record: R, before: Values, after: Values) -> Figure:
-        """A record with the model, and its residuals.
-
-        Args:
-            record: one of them.
-            before: as simulated with the start parameters, (n,), in the unit of the data.
-            after: with the fitted ones.
-        """
-        raise NotImplementedError
 
     def split(self, values: Values) -> list[Values]:
         """Values (n,) of all records as those of each.
@@ -398,15 +417,6 @@ class CurvesTogether(Together[C]):
         """
         [(run, window)] = self.curve(model, record).ask(p, record.u_hz[:1], batch)
         return Sampled(run, window, self.output_of(record))
-
-    def first_drive(self, *, driven: bool) -> Self:
-        """Its first record, which begins with its first point."""
-        first = self.records[0]
-        if driven:
-            return self.of_records((first,))
-        setup, settings = without_drive(self.setup, first.settings)
-        off: Any = replace(first, settings=settings)  # type: ignore[type-var]
-        return self.of_records((off,), setup=setup)
 
 
 @dataclass(frozen=True)
@@ -601,7 +611,7 @@ def labels_of(tables: Sequence[RecordTable]) -> tuple[str, ...]:
     for k, label in enumerate(labels):
         if label in labels[:k]:
             raise BadInput(
-                f"{tables[k].file}: is the second {tables[k].TOGETHER.NOUN} of the label "
+                f"{tables[k].file}: is the second {tables[k].TABLE.replace('_', ' ')} of the label "
                 f"'{label}'; wanted a label of its own for every [[{tables[k].TABLE}]]"
             )
     return tuple(labels)

@@ -47,7 +47,7 @@ from fitting.fmu.runs import SampledSignal
 from fitting.signal.free_decay import FewSamples
 from fitting.signal.window import Window
 from fitting.simulate.budget import Basis, Decision, Kind
-from fitting.text.arrays import BoolArray, FloatArray, Scalar
+from fitting.text.arrays import BoolArray, ComplexArray, FloatArray, Scalar
 
 #: Communication steps of a run, at most, and how often they are halved.
 MOST_STEPS, MOST_HALVINGS = 2_000_000, 12
@@ -135,7 +135,7 @@ class StepRuns:
         if not self.count:
             return finer
         before, after = (*self.driven, *self.others), (*finer.driven, *finer.others)
-        change = max(map(_change, before, after))
+        change = max(map(relative_change, before, after))
         rho = max(0.5, change / self.changed) if self.changed > 0.0 else 0.5
         bound = change / (1.0 - rho) if rho < STALLED else UNKNOWN * change
         return replace(finer, changed=change, bound=bound)
@@ -224,9 +224,17 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
     return Decision(kind=Kind.STEP, basis=Basis.HALVED, bound=worst.bound, numbers=numbers)
 
 
-def _change(coarse: FloatArray, fine: FloatArray) -> float:
-    largest = float(np.max(np.abs(fine), initial=0.0))
-    return float(np.max(np.abs(fine - coarse), initial=0.0)) / largest if largest > 0.0 else 0.0
+def relative_change(
+    values: FloatArray | ComplexArray, expected: FloatArray | ComplexArray
+) -> float:
+    """Largest difference over the largest value expected; zero where that is zero.
+
+    Args:
+        values: shape (n,).
+        expected: shape (n,), in the same unit.
+    """
+    largest = float(np.max(np.abs(expected), initial=0.0))
+    return float(np.max(np.abs(expected - values), initial=0.0)) / largest if largest > 0.0 else 0.0
 
 
 #: Communication steps of a closer look at most, and how many there are between two samples.

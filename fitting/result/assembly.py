@@ -18,10 +18,9 @@ from fitting.fmu.pool import DROPPED, FmuWorkers
 from fitting.inference.infer import Inference, in_order
 from fitting.inference.likelihood.knowledge import Inferred
 from fitting.measurements.fmu_response import FmuResponse
-from fitting.measurements.late import late_by_s
 from fitting.measurements.plan import Plan
 from fitting.measurements.sweep import Sweep
-from fitting.measurements.traces import Traces
+from fitting.measurements.time_record import Traces, late_by_s
 from fitting.result.provenance import provenance_of
 from fitting.result.result import (
     Cost,

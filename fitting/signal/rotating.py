@@ -20,7 +20,6 @@ That gives where the line is, too: its offset from f is (turns ahead)/e - f.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -212,13 +211,3 @@ def _as_if_forwards(z: ComplexArray, second: ComplexArray, reference: Reference)
 def _wrapped(turns: FloatArray) -> FloatArray:
     """Turns from -1/2 to 1/2."""
     return np.asarray((turns + 0.5) % 1.0 - 0.5)
-
-
-def line_columns(columns: ComplexArray) -> Sequence[FloatArray]:
-    """Real columns (2 n,) of what complex factors of columns (n, k) change: X above Y.
-
-    Args:
-        columns: complex, (n, k).
-    """
-    both = [each for column in columns.T for each in (column, 1j * column)]
-    return [np.concatenate([each.real, each.imag]) for each in both]

@@ -17,7 +17,7 @@ from scipy.constants import Boltzmann
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 
-from fitting.measurements.noise import NoiseRecord, best_levels
+from fitting.measurements.noise import NoiseSpectrum, best_levels
 from fitting.text.arrays import FloatArray
 from tests.bench.bench_noise import LABORATORY, LENGTH
 
@@ -45,7 +45,7 @@ def expected() -> FloatArray:
 
 def deviations(density: FloatArray, averages: float) -> FloatArray:
     """Frequency and width, less the truth, over their errors."""
-    record = NoiseRecord(U[NEAR], density[NEAR], averages=averages, window="hann")
+    record = NoiseSpectrum(U[NEAR], density[NEAR], averages=averages, window="hann")
 
     def rows(p: FloatArray) -> FloatArray:
         apart = (2.0 * np.pi) ** 2 * (p[0] ** 2 - record.u_hz**2 + 1j * record.u_hz * p[1])

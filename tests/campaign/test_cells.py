@@ -11,7 +11,7 @@ import pytest
 
 import fitting as ff
 from fitting.campaign.instruments import read_recording, read_trace
-from fitting.measurements.complex_tables import read_complex
+from fitting.measurements.complex_sweep import read_complex
 from fitting.text.errors import BadInput
 
 

@@ -13,7 +13,7 @@ import pytest
 from fitting.campaign.instruments import read_trace
 from fitting.campaign.instruments.recording import Recording, Selection
 from fitting.campaign.recognised import recognised
-from fitting.measurements.complex_tables import read_complex
+from fitting.measurements.complex_sweep import read_complex
 from fitting.text.errors import BadInput
 from tests.support.recognised import is_complex, is_sweep, seeming_selection, without_unit
 from tests.support.written_resonance import AXIS_HZ, F_HZ, VALUES, WIDTH_HZ, found_line

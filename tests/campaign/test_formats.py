@@ -26,7 +26,7 @@ from scipy.io import savemat
 from fitting.campaign.instruments import LAYOUTS, layout_of, read_recording, read_trace
 from fitting.campaign.instruments.recording import Selection
 from fitting.campaign.recognised import recognised
-from fitting.measurements.complex_tables import ComplexSweepTable, read_complex
+from fitting.measurements.complex_sweep import ComplexSweepTable, read_complex
 from fitting.resonance.reading import Columns as LineColumns
 from fitting.resonance.reading import roles_of
 from fitting.signal.amplitudes import declared_amplitude, to_peak

@@ -14,7 +14,7 @@ import fitting as ff
 from fitting.campaign.instruments import read_recording
 from fitting.campaign.instruments.recording import Selection
 from fitting.campaign.recognised import recognised
-from fitting.measurements.complex_tables import read_complex
+from fitting.measurements.complex_sweep import read_complex
 from fitting.resonance.reading import Columns, read_trace_of
 from fitting.text.errors import BadInput
 from tests.support.in_process import told

@@ -14,7 +14,7 @@ import pytest
 import fitting as ff
 from fitting.draft.api import Question, init
 from fitting.measurements.records import ReadRecords
-from fitting.measurements.trace_tables import TraceTable
+from fitting.measurements.traces import TraceTable
 
 pytestmark = pytest.mark.usefixtures("swift_models")
 

@@ -14,7 +14,7 @@ import pytest
 import fitting as ff
 from fitting.draft.api import init
 from fitting.draft.maps import map_of_files
-from fitting.measurements.control_tables import ReadSpectra
+from fitting.measurements.control_sweep import ReadSpectra
 from fitting.resonance.reading import Columns
 from fitting.text.arrays import ComplexArray
 from fitting.text.errors import BadInput

@@ -12,7 +12,7 @@ import fitting as ff
 from fitting.campaign.instruments.plain import read_spectra_table
 from fitting.campaign.instruments.roles import AMPLITUDE
 from fitting.draft.api import init
-from fitting.measurements.control_tables import ReadSpectra
+from fitting.measurements.control_sweep import ReadSpectra
 from fitting.resonance.reading import Columns
 from fitting.text.arrays import FloatArray
 from tests.support.crossing_spectra import A0, A1, B0, LAMBDA, SWEPT_HZ, VOLTS, WIDTH, response

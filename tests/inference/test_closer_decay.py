@@ -7,7 +7,7 @@ import pytest
 
 from fitting.inference.adequacy import Model, compared_decay
 from fitting.inference.sweeps import decaying_lines
-from fitting.measurements.traces import TraceRecord
+from fitting.measurements.traces import Trace
 from fitting.text.rendering import phrase
 
 T = np.arange(2500) / 8000.0
@@ -20,7 +20,7 @@ def test_a_second_line_is_told_where_one_line_leaves_it(second: float, said: boo
         noise = 0.01 * np.random.default_rng(seed).standard_normal(T.size)
         fall = np.exp(-np.pi * 4.0 * T)
         y = fall * (np.cos(2e3 * np.pi * 1.0003 * T) + second * np.sin(2e3 * np.pi * 1.013 * T))
-        trace = TraceRecord(T, y + noise, input="force", start="unknown")
+        trace = Trace(T, y + noise, input="force", start="unknown")
         one, _, _ = decaying_lines(trace, 1)
         found = compared_decay(trace, Model(one.residuals, 4))
         assert (found is not None) is said

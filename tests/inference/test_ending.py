@@ -13,8 +13,7 @@ from scipy.stats import chi2
 from fitting.fit.fit import Status
 from fitting.inference.adequacy import ending_of
 from fitting.inference.likelihood.knowledge import Adequacy, Ending
-from fitting.measurements.complex_curve import ComplexCurve
-from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.complex_sweep import ComplexCurve, ComplexSweep
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.sweep import Sweep

@@ -22,7 +22,7 @@ from fitting.inference.likelihood.knowledge import (
     ValueAlone,
 )
 from fitting.measurements.measurement import Prediction
-from fitting.measurements.noise import NoiseRecord, NoiseSpectra
+from fitting.measurements.noise import NoiseSpectra, NoiseSpectrum
 from fitting.measurements.residuals import ResidualCurve
 from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
@@ -303,13 +303,13 @@ def thermal(p: np.ndarray, u: np.ndarray = F) -> np.ndarray:
 def spectrum(
     kelvin: float, stated: float, seed: int = 5, bin_: int = -1, averages: int = 100
 ) -> NoiseSpectra:
-    truth = NoiseRecord(F, np.ones(F.size), force="thermal", unit="m", averages=100)
+    truth = NoiseSpectrum(F, np.ones(F.size), force="thermal", unit="m", averages=100)
     density = kelvin * KT * truth.shape(thermal(np.array([1e4, 120.0])))
     density = density + 0.02 * np.max(density)
     density *= np.random.default_rng(seed).gamma(100.0, 0.01, F.size)
     if bin_ >= 0:
         density[bin_] *= 30.0
-    record = NoiseRecord(
+    record = NoiseSpectrum(
         F, density, force="thermal", unit="m", averages=averages, temperature_k=stated, mass_kg=1.0
     )
     return NoiseSpectra(setup=SETUP, spectra=(record,))

@@ -13,7 +13,7 @@ import fitting as ff
 from fitting.lab.curves import AvoidedCrossing, WiredResonance
 from fitting.lab.names import WIRED
 from fitting.lab.true_values import true_values
-from fitting.measurements.complex_tables import read_complex
+from fitting.measurements.complex_sweep import read_complex
 from fitting.measurements.control_sweep import ControlSweep
 from fitting.text.errors import BadInput
 from tests.support import crossing_spectra

@@ -13,7 +13,7 @@ import fitting as ff
 from fitting.lab.instruments import LockIns
 from fitting.lab.pumped import PumpedBench, measure_pumped
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control_tables import ReadSpectra
+from fitting.measurements.control_sweep import ReadSpectra
 from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput

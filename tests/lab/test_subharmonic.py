@@ -18,7 +18,7 @@ from fitting.lab.subharmonic import (
     closest_peaks_hz,
 )
 from fitting.lab.synthesis import synthesize
-from fitting.measurements.control_tables import ReadSpectra
+from fitting.measurements.control_sweep import ReadSpectra
 from fitting.text.errors import BadInput
 
 BENCH = SubharmonicBench()

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
-from fitting.measurements.complex_curve import ComplexCurve
-from fitting.measurements.complex_sweep import ComplexSweep
+from fitting.measurements.complex_sweep import ComplexCurve, ComplexSweep
 from fitting.report.shown import figures_of
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.errors import BadInput

@@ -13,9 +13,13 @@ from scipy.stats import t
 
 import fitting as ff
 from fitting.campaign.instruments import read_trace
-from fitting.measurements.complex_curve import ComplexCurve, Wiring
-from fitting.measurements.complex_sweep import ComplexSweep
-from fitting.measurements.complex_tables import check_delay, read_complex
+from fitting.measurements.complex_sweep import (
+    ComplexCurve,
+    ComplexSweep,
+    Wiring,
+    check_delay,
+    read_complex,
+)
 from fitting.report.screen import phrase
 from fitting.report.summary import summary_of
 from fitting.text.arrays import ComplexArray, FloatArray

@@ -13,8 +13,7 @@ from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure as Canvas
 
 import fitting as ff
-from fitting.measurements.control_sweep import ControlSpectrum, ControlSweep
-from fitting.measurements.control_tables import odd_harmonics
+from fitting.measurements.control_sweep import ControlSpectrum, ControlSweep, odd_harmonics
 from fitting.measurements.measurement import Prediction
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.shown import shown_fit

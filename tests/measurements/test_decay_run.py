@@ -20,7 +20,7 @@ from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.measurement import Prediction
 from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, plan_series
-from fitting.measurements.traces import Traces
+from fitting.measurements.time_record import Traces
 from fitting.simulate.batch import Batch
 from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray

@@ -15,7 +15,7 @@ from fitting.fit.likelihood import LikelihoodEvaluator, Request, likelihood_of
 from fitting.fit.noise import RowNoise
 from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.noise import NoiseRecord
+from fitting.measurements.noise import NoiseSpectrum
 from fitting.measurements.plan import Plan
 from fitting.simulate.budget import Basis, Budget, Decision, Kind
 from fitting.simulate.probe import Probe
@@ -126,7 +126,7 @@ def test_no_reduction_is_taken_that_makes_an_evaluation_dearer(fmu: ff.Fmu) -> N
 
 @pytest.mark.parametrize("response", [0.0, 1j])
 def test_a_response_that_does_not_lag_has_no_scale(response: complex) -> None:
-    record = NoiseRecord(U, np.ones(U.size), force="thermal", unit="V", averages=10)
+    record = NoiseSpectrum(U, np.ones(U.size), force="thermal", unit="V", averages=10)
     with pytest.raises(NoScale):
         record.shape(np.full(U.size, response))
 

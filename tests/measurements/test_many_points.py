@@ -7,7 +7,7 @@ import pytest
 
 import fitting as ff
 from fitting.campaign import Setup
-from fitting.measurements.complex_curve import ComplexCurve, Wiring
+from fitting.measurements.complex_sweep import ComplexCurve, Wiring
 from tests.support.complex_data import mode
 from tests.support.one_mode import DRIVE, START
 

@@ -8,7 +8,6 @@ a kind takes; the second half fits it from a campaign.toml and from arrays.
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +27,6 @@ from fitting.campaign.kind import MeasurementTable
 from fitting.fmu.description import READABLE
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.measurements.kinds import kinds_in
 from fitting.measurements.measurement import Measurement, Predicting, Prediction, Values
 from fitting.measurements.schema import campaign_schema
 from fitting.signal.window import Window
@@ -441,10 +439,6 @@ def test_editors_are_told_of_its_table(path: Path) -> None:
     jsonschema.validate(tables, schema, jsonschema.Draft7Validator)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(tables, json.loads(campaign_schema([])), jsonschema.Draft7Validator)
-
-
-def test_it_would_be_found_by_standing_among_the_kinds() -> None:
-    assert kinds_in([sys.modules[__name__]]) == (LockInTable,)
 
 
 def test_two_kinds_cannot_share_a_table(path: Path) -> None:

@@ -15,7 +15,7 @@ from scipy.signal import get_window
 from scipy.stats import chi2, gamma
 
 import fitting as ff
-from fitting.measurements.noise import NoiseRecord, best_levels
+from fitting.measurements.noise import NoiseSpectrum, best_levels
 from fitting.report.screen import phrase, phrases
 from fitting.report.shown import figures_of
 from fitting.report.summary import summary_of
@@ -65,7 +65,7 @@ def test_the_squares_of_the_rows_are_the_deviance(averages: float) -> None:
 @pytest.mark.parametrize("averages", [1, 4, 100])
 def test_a_row_scatters_as_it_says(averages: int) -> None:
     draws = np.random.default_rng(2).gamma(averages, 1.0 / averages, 200_000)
-    measured = NoiseRecord(np.arange(1.0, 200_001.0), draws, averages=averages)
+    measured = NoiseSpectrum(np.arange(1.0, 200_001.0), draws, averages=averages)
     rows = measured.residuals(np.ones(draws.size))
     assert np.mean(rows**2) == pytest.approx(measured.sigma**2, rel=0.02)
 
@@ -198,7 +198,7 @@ def test_the_scatter_tells_how_many_were_averaged(averages: int) -> None:
     u = np.arange(1.0, 1201.0)
     exact = 1.0 / (1.0 + ((u - 600.0) / 15.0) ** 2) + 0.01
     draws = exact * np.random.default_rng(7).gamma(averages, 1.0 / averages, u.size)
-    record = NoiseRecord(u, draws)
+    record = NoiseSpectrum(u, draws)
     assert record.count == pytest.approx(averages, rel=0.5 if averages == 1 else 0.25)
     assert record.sigma == 0.0
 
@@ -439,7 +439,7 @@ def test_bad_arrays_are_told_in_a_sentence(
     u: FloatArray, y: FloatArray, more: dict[str, object], said: str
 ) -> None:
     with pytest.raises(BadInput) as raised:
-        NoiseRecord(u, y, **{"averages": 10, **more})  # type: ignore[arg-type]
+        NoiseSpectrum(u, y, **{"averages": 10, **more})  # type: ignore[arg-type]
     assert said in str(raised.value)
 
 
@@ -457,7 +457,7 @@ def test_residuals_are_signed_roots_of_deviances_however_close_to_what_is_simula
         [0.3, 0.9, 1.1, 1.0 - 5e-3, 1.0 - 9e-5, 1.0 - 2e-8, 1.0 + 2e-8, 1.0 + 9e-5, 1.0 + 5e-3, 4.0]
     )
     simulated = np.full(x.size, 2.5)
-    record = NoiseRecord(1e3 + np.arange(x.size), x * simulated, averages=100)
+    record = NoiseSpectrum(1e3 + np.arange(x.size), x * simulated, averages=100)
     with mpmath.workdps(50):
         exact = [mpmath.mpf(float(v)) / mpmath.mpf(2.5) for v in x * simulated]
         roots = [mpmath.sqrt(200 * (v - 1 - mpmath.log(v))) for v in exact]

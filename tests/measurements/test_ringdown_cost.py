@@ -13,7 +13,7 @@ from fitting.campaign import ContinuationSettings
 from fitting.fit.options import options_of, usual_misfit
 from fitting.fmu.worker import simulation
 from fitting.measurements.measurement import Measurement
-from fitting.measurements.traces import Traces
+from fitting.measurements.time_record import Traces
 
 SETUP = ff.Setup(ff.Drive(), "q1")
 T = np.arange(400) * 1e-3

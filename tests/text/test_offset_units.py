@@ -9,7 +9,7 @@ import pytest
 
 import fitting as ff
 from fitting.draft.api import init
-from fitting.measurements.traces import Traces
+from fitting.measurements.time_record import Traces
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.units import Written, convert, in_unit
