@@ -226,7 +226,7 @@ class NoiseSpectrum(OfSetup, Curve):
     """
 
     NOUN = "noise spectrum"
-    TOGETHER = NoiseSpectra
+    _TOGETHER = NoiseSpectra
 
     frequency_hz: npt.ArrayLike
     density: npt.ArrayLike

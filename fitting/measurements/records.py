@@ -174,7 +174,7 @@ class OfSetup(Record):
     series: str = ""
 
     #: The measurement that records of this kind are together.
-    TOGETHER: ClassVar[type[Together[Any]]]
+    _TOGETHER: ClassVar[type[Together[Any]]]
 
     def within(self, setup: Setup, series: str) -> Together[Any]:
         """The measurement, as part of a series that is driven so.
@@ -183,7 +183,7 @@ class OfSetup(Record):
             setup: how the series drives the FMU.
             series: its name.
         """
-        alone: Any = self.TOGETHER
+        alone: Any = self._TOGETHER
         result: Together[Any] = alone(setup=setup, **{alone.FIELD: (self,)})
         return result.within(setup, series)
 

@@ -151,7 +151,7 @@ class Trace(TimeRecord):
     """
 
     NOUN = "trace"
-    TOGETHER = Traces
+    _TOGETHER = Traces
 
     _: KW_ONLY
     driven: tuple[npt.ArrayLike, npt.ArrayLike] | Waveform | None = None
@@ -776,7 +776,7 @@ class DemodulatedTrace(TimeRecord):
     """
 
     NOUN = "demodulated trace"
-    TOGETHER = Traces
+    _TOGETHER = Traces
     is_demodulated = True
 
     _: KW_ONLY
