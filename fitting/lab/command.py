@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import fitting as ff
-from fitting.extension.command import bounded_number, declare, writes
+from fitting.extension.command import bounded_number, command_line, declare, writes
 from fitting.lab.names import CROSSING, CURVES, PUMPED, SERIES, SUBHARMONIC, TRUTH_NAME
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TRUTH.toml",
         help=f"with --plan: {TRUTH_NAME} of the laboratory",
     )
-    declare(parser, {"--seed": {"default": 1, "help": "seed of all noise (1)"}})
+    declare(parser, {"--seed": "seed of all noise (1)"})
     parser.add_argument(
         "--cross-mode",
         action="store_true",
@@ -104,12 +104,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder for the campaign")
     for option, (_, text) in OPTIONS.items():
         parser.add_argument(f"--{option}", type=bounded_number, metavar="X", help=text)
-    parser.add_argument(
-        "--reflection",
-        action=argparse.BooleanOptionalAction,
-        default=None,
-        help="the reflection form of the orthogonal matrix",
-    )
+    for option, form in (("reflection", "reflection"), ("no-reflection", "rotation")):
+        text, value = f"the {form} form of the orthogonal matrix", form == "reflection"
+        parser.add_argument(
+            f"--{option}", dest="reflection", action="store_const", const=value, help=text
+        )
 
 
 @writes(NAME)
@@ -125,6 +124,7 @@ def run(args: argparse.Namespace) -> int:
     if (args.plan is None) != (args.truth is None):
         raise ff.BadInput("synthesize: --plan and --truth are wanted together")
     _refuse_meaningless(args)
+    args.seed = 1 if args.seed is None else args.seed  # is part of the command that files state
     changes = {field: _value(args, option) for option, (field, _) in OPTIONS.items()}
     changes["reflection"] = args.reflection
     instrument = None
@@ -138,7 +138,8 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         instrument=instrument,
         plan=args.plan,
-        command=_command(args),
+        # without --out: the same data made elsewhere are the same bytes
+        command=command_line(args, "out"),
         **{field: value for field, value in changes.items() if value is not None},
     )
     path = made.write(args.out)
@@ -206,23 +207,3 @@ def _lock_ins(args: argparse.Namespace) -> LockIns:
 
 def _value(args: argparse.Namespace, option: str) -> Any:
     return getattr(args, option.replace("-", "_"))
-
-
-def _command(args: argparse.Namespace) -> str:
-    """The command without --out: the same data made elsewhere are the same bytes."""
-    words = ["fmu-fit", NAME]
-    for option in ("series", "like", "plan", "truth", "seed", *OPTIONS):
-        value = _value(args, option)
-        if value is not None:
-            text = value.as_posix() if isinstance(value, Path) else value
-            words += [f"--{option}", text if isinstance(text, str) else repr(text)]
-    words += ["--cross-mode"] if args.cross_mode else []
-    words += ["--phases"] if args.phases else []
-    words += ["--modes", str(args.modes)] if args.modes is not None else []
-    words += ["--reference"] if args.reference else []
-    for pair in args.restart:
-        words += ["--restart", str(pair)]
-    words += ["--noise", repr(args.noise)] if args.noise is not None else []
-    if args.reflection is not None:
-        words.append("--reflection" if args.reflection else "--no-reflection")
-    return shlex.join(words)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Collection, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -165,10 +165,10 @@ class Plan:
         """
         return f"{self.table.path}: column '{column.name}'"
 
-    def numbers(self, name: str, unit: str) -> FloatArray:
-        """A column in a unit, (n,); as it is where its header has none.
+    def numbers(self, name: str, unit: str = "") -> FloatArray:
+        """A column in a unit, (n,); as it is without one, or where its header has none.
 
-        Ones where there is no column of an amplitude of the drive.
+        Ones where there is no column of an amplitude or of a gain of the drive.
 
         Args:
             name: of the column.
@@ -178,22 +178,29 @@ class Plan:
             BadInput: no such column, cells that are no numbers, a unit of another kind.
         """
         column = self.table.find(name)
-        if column is None and name in (self.file.driven.amplitudes or ()):
+        if column is None and name in (*(self.file.driven.amplitudes or ()), *GAINS):
             return np.ones(len(self.table.cells))
         column = column or self.table.column(name)
-        factor = convert(1.0, column.unit, unit, where=self.where(column)) if column.unit else 1.0
-        return np.asarray(self.table.numbers(column) * factor)
+        values = self.table.numbers(column)
+        if not unit or not column.unit:
+            return values
+        where = self.where(column)
+        # a cell is rounded once: a factor would move narrow lines
+        return np.array([convert(float(v), column.unit, unit, where=where) for v in values])
 
-    def per_volt(self, column: Column) -> float:
-        """What volts are multiplied by in a column.
+    def cells(self, name: str, volts: Iterable[float]) -> list[float]:
+        """Cells of a column.
 
         Args:
-            column: of amplitudes.
+            name: of a column of amplitudes.
+            volts: what was measured, (n,), V.
 
         Raises:
             BadInput: its unit is of another kind.
         """
-        return convert(1.0, "V", column.unit or "V", where=self.where(column))
+        column = self.table.column(name)
+        unit, where = column.unit or "V", self.where(column)
+        return [convert(float(v), "V", unit, where=where) for v in volts]
 
     def files(
         self,
@@ -241,21 +248,10 @@ def _pairs(plan: Plan, bench: Bench, seed: int, head: Sequence[str]) -> Made:
     plan.refuse_unknown(GAINS, OUTPUTS)
     table, driven = plan.table, plan.file.driven
 
-    def cells(name: str, unit: str | None = None) -> list[float]:
-        """A column, each cell converted by itself to a unit; ones without such a column."""
-        column = table.find(name)
-        if column is None and unit is None:
-            return [1.0] * len(table.cells)
-        column = column or table.column(name)
-        values = [float(value) for value in table.numbers(column)]
-        if not unit or not column.unit:
-            return values
-        return [convert(v, column.unit, unit, where=plan.where(column)) for v in values]
-
-    tones = zip(*(cells(name, "Hz") for name in driven.frequencies), strict=True)
-    named = [cells(name) for name in driven.amplitudes or ()]
+    tones = zip(*(plan.numbers(name, "Hz").tolist() for name in driven.frequencies), strict=True)
+    named = [plan.numbers(name).tolist() for name in driven.amplitudes or ()]
     levels = zip(*named, strict=True) if named else [()] * len(table.cells)
-    gains = zip(*(cells(name) for name in GAINS), strict=True)
+    gains = zip(*(plan.numbers(name).tolist() for name in GAINS), strict=True)
     texts = [table.texts(table.column(name)) for name in ("experiment", "output")]
     rows = [
         Row(
@@ -276,11 +272,7 @@ def _pairs(plan: Plan, bench: Bench, seed: int, head: Sequence[str]) -> Made:
             for reading in measured.readings
         ]
     )
-    values = {}
-    for name, column_v in zip(plan.filled, volts.T, strict=True):
-        column = table.column(name)
-        unit, where = column.unit or "V", plan.where(column)
-        values[name] = [convert(float(value), "V", unit, where=where) for value in column_v]
+    values = {name: plan.cells(name, v) for name, v in zip(plan.filled, volts.T, strict=True)}
 
     def edit(tables: Tables) -> None:
         """What drifts, as it was measured."""
@@ -316,10 +308,8 @@ def _tones(plan: Plan, bench: AvoidedCrossing, seed: int, head: Sequence[str]) -
         parts = [rotated.real, rotated.imag] if plan.is_complex else [np.abs(observed)]
         sigmas = np.hypot(floor_v, plan.relative * np.abs(observed))
         measured.append(np.concatenate([*parts, sigmas]))
-    values = {}
-    for k, name in enumerate(plan.filled):
-        factor_v = plan.per_volt(plan.table.column(name))
-        values[name] = [float(reading[k]) * factor_v for reading in measured]
+    rows = zip(*measured, strict=True)
+    values = {name: plan.cells(name, volts) for name, volts in zip(plan.filled, rows, strict=False)}
     truth = replace(bench, phases=plan.is_complex).truth(seed)
     return tuple(measured), truth, plan.files(values, truth, head)
 
@@ -344,7 +334,7 @@ def _sweeps(
     """Whole sweeps, one for each place of the controls in the order of the file."""
     table, file = plan.table, plan.file
     _refuse_swept(plan.path, swept, bench, swept.output or file.observe.output)
-    filled = [table.column(name) for name in (("X", "Y") if plan.is_complex else ("amplitude",))]
+    filled = ("X", "Y") if plan.is_complex else ("amplitude",)
     settings = []
     for name, unit in bench.UNITS.items():
         if name in swept.controls and table.find(name) is not None:
@@ -362,7 +352,7 @@ def _sweeps(
         places.setdefault(tuple(map(float, place)), []).append(row)
     rng, measured = np.random.default_rng([seed, SWEEPS_STREAM]), []
     rms = isinstance(swept, ControlSweepTable) and swept.detector.kind == "rms"
-    values = {column.name: np.empty(len(table.cells)) for column in filled}
+    volts = {name: np.empty(len(table.cells)) for name in filled}
     for place, rows in places.items():
         at, u_hz = dict(zip(bench.UNITS, place, strict=True)), frequency[rows]
         true_v = bench.swept_at(at, u_hz)
@@ -374,8 +364,8 @@ def _sweeps(
         else:
             columns = ((math.sqrt(0.5) if rms else 1.0) * np.abs(true_v + noise),)
         measured.append(PlannedSweep(at, rows, u_hz, columns, true_v))
-        for column, column_v in zip(filled, columns, strict=True):
-            values[column.name][rows] = column_v * plan.per_volt(column)
+        for name, column in zip(filled, columns, strict=True):
+            volts[name][rows] = column
 
     def edit(tables: Tables) -> None:
         """The noise that it was measured with."""
@@ -388,6 +378,7 @@ def _sweeps(
     if isinstance(bench, AvoidedCrossing):
         bench = replace(bench, phases=plan.is_complex)
     truth = bench.truth(seed)
+    values = {name: plan.cells(name, column) for name, column in volts.items()}
     return tuple(measured), truth, plan.files(values, truth, head, edit)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -54,6 +54,10 @@ class PumpedString(ABC):
     ELSEWHERE: ClassVar[tuple[str, ...]] = ("string",)
     #: Controls of its sweeps, with their units.
     UNITS: ClassVar[Mapping[str, str]]
+    #: How strong a pump is, in words, of these.
+    STRENGTH: ClassVar[str]
+    #: Heads of their columns: a control, and the unit of the column in that of the control.
+    COLUMNS: ClassVar[Mapping[str, tuple[str, float]]]
     #: What the FMU calls what is swept.
     OUTPUT: ClassVar[str] = "readout_at_u1"
 
@@ -83,10 +87,32 @@ class PumpedString(ABC):
         """
 
     @abstractmethod
-    def columns(self) -> dict[str, FloatArray]:
-        """Controls and frequencies of all points of all sweeps, by the names of columns."""
+    def places(self) -> list[tuple[Mapping[str, float], FloatArray]]:
+        """Values of the controls, in their units, and frequencies (points,), Hz, of every sweep."""
 
     @abstractmethod
+    def pumped(self, at: Mapping[str, float]) -> CoupledModes:
+        """The string under a pump, in its uncoupled coordinates.
+
+        Args:
+            at: values of the controls, in their units.
+        """
+
+    @property
+    @abstractmethod
+    def volts_per_m(self) -> float:
+        """Of the detector, by its unpumped line."""
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Controls and frequencies of all points of all sweeps, by the names of columns."""
+        places = self.places()
+        columns = {
+            head: np.repeat([at[name] / unit for at, _ in places], self.points)
+            for head, (name, unit) in self.COLUMNS.items()
+        }
+        columns["frequency (MHz)"] = np.concatenate([u_hz / 1e6 for _, u_hz in places])
+        return columns
+
     def swept_at(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
         """Phasors of one more sweep, V, (n,), without noise.
 
@@ -97,6 +123,37 @@ class PumpedString(ABC):
         Raises:
             ValueError: the pump makes the motion grow, which has no steady state.
         """
+        self.check_steady(at)
+        return np.asarray(self.volts_per_m * self.phasors(at, u_hz))
+
+    def check_steady(self, at: Mapping[str, float], where: str = "") -> None:
+        """Complain of a pump under which the motion grows.
+
+        Args:
+            at: values of the controls, in their units.
+            where: key of the pump, for complaints.
+
+        Raises:
+            ValueError: the motion grows in each period.
+        """
+        sample = self.pumped(at)
+        if sample.pump is None or (growth := sample.growth()) < 1.0:
+            return
+        raise ValueError(
+            f"{where}a pump of {self.STRENGTH.format(**at)} at {sample.pump.frequency_hz:g} Hz "
+            f"makes the motion grow, by {growth:.6g} in each of its periods: there is no steady "
+            "state; wanted less depth, or a pump farther from twice an eigenfrequency or a sum of "
+            "two"
+        )
+
+    def phasors(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
+        """Phasors (n,) of the observed mode, in m under 1 m/s2.
+
+        Args:
+            at: values of the controls, in their units.
+            u_hz: frequencies, (n,), Hz.
+        """
+        return np.asarray(self.pumped(at).response(u_hz) @ self.string.transform()[0])
 
     def turned(
         self, values: ComplexArray, u_hz: FloatArray, rng: np.random.Generator
@@ -181,6 +238,12 @@ class PumpedBench(PumpedString):
 
     kind = PUMPED
     UNITS: ClassVar[Mapping[str, str]] = {"detuning": "Hz", "depth": "1", "time": "h"}
+    STRENGTH: ClassVar[str] = "depth {depth:g}"
+    COLUMNS: ClassVar[Mapping[str, tuple[str, float]]] = {
+        "detuning (Hz)": ("detuning", 1.0),
+        "depth (1)": ("depth", 1.0),
+        "time (h)": ("time", 1.0),
+    }
 
     settings: tuple[tuple[float, float], ...] = SETTINGS
     apart_hz: float = 87340.0
@@ -196,31 +259,21 @@ class PumpedBench(PumpedString):
             raise ValueError("wanted a positive span and a positive pause_h")
         super().__post_init__()
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies of every sweep, (points,)."""
-        return self.about_plus_hz(self.span_hz)
+    def places(self) -> list[tuple[Mapping[str, float], FloatArray]]:
+        """Settings, when each is taken, and the frequencies, the same in every sweep."""
+        u_hz, middle = self.about_plus_hz(self.span_hz), 0.5 * (len(self.settings) - 1)
+        return [
+            ({"detuning": detuning, "depth": depth, "time": self.pause_h * (k - middle)}, u_hz)
+            for k, (depth, detuning) in enumerate(self.settings)
+        ]
 
     def true_v(self) -> FloatArray:
         """Amplitudes (sweeps, points) without noise, V."""
-        for k, (depth, detuning) in enumerate(self.settings):
-            pump = f"a pump of depth {depth:g} at {self.apart_hz + detuning:g} Hz"
-            check_steady(self.pumped(k), f"settings[{k}]: {pump}")
-        waves = np.array([self.response(k) for k in range(len(self.settings))])
-        return np.asarray(waves * self.volts)
-
-    def columns(self) -> dict[str, FloatArray]:
-        """Controls and frequencies of all points of all sweeps, by the names of columns."""
-        depths, detunings = (
-            np.repeat(column, self.points) for column in zip(*self.settings, strict=True)
-        )
-        count = len(self.settings)
-        return {
-            "detuning (Hz)": detunings,
-            "depth (1)": depths,
-            "time (h)": np.repeat([self.time_h(k) for k in range(count)], self.points),
-            "frequency (MHz)": np.tile(self.frequency_hz / 1e6, count),
-        }
+        places = self.places()
+        for k, (at, _) in enumerate(places):
+            self.check_steady(at, f"settings[{k}]: ")
+        waves = np.array([np.abs(self.phasors(at, u_hz)) for at, u_hz in places])
+        return np.asarray(waves * self.volts_per_m)
 
     def constants(self) -> dict[str, str]:
         """Constants of its campaign."""
@@ -237,52 +290,22 @@ class PumpedBench(PumpedString):
         result["outcome"]["lambda_hz"] = coupling[0, 1]
         return result
 
-    def time_h(self, k: int) -> float:
-        """When the k-th sweep is taken, hours after the middle of the series.
-
-        Args:
-            k: number of the sweep, from 0.
-        """
-        return self.pause_h * (k - 0.5 * (len(self.settings) - 1))
-
     @property
-    def volts(self) -> float:
-        """Of the detector for each m, by its unpumped line, V/m."""
-        unpumped = replace(self, settings=((0.0, 0.0),) * 2)
-        return self.crest_v / float(np.max(unpumped.response(0)))
+    def volts_per_m(self) -> float:
+        """Of the detector, by its unpumped line at the beginning of the drift."""
+        first, u_hz = self.places()[0]
+        unpumped = self.phasors({**first, "detuning": 0.0, "depth": 0.0}, u_hz)
+        return self.crest_v / float(np.max(np.abs(unpumped)))
 
-    def swept_at(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
-        """Phasors of one more sweep, V, (n,), without noise, at any time of the drift.
+    def pumped(self, at: Mapping[str, float]) -> CoupledModes:
+        """The string at some time of its drift.
 
         Args:
-            at: depth, detuning and time of the pump.
-            u_hz: frequencies, (n,), Hz.
+            at: depth, detuning and time, which may be after the series.
         """
-        depth, detuning_hz, time_h = at["depth"], at["detuning"], at["time"]
         duration_h = self.pause_h * (len(self.settings) - 1)
-        string = self.string.shifted(self.drift_hz * time_h / duration_h)
-        sample = pumped_modes(string, depth, self.apart_hz + detuning_hz)
-        check_steady(sample, f"a pump of depth {depth:g} at {self.apart_hz + detuning_hz:g} Hz")
-        return np.asarray(self.volts * (sample.response(u_hz) @ self.string.transform()[0]))
-
-    def response(self, k: int) -> FloatArray:
-        """Amplitudes (points,) of the observed mode in the k-th sweep, in m under 1 m/s2.
-
-        Args:
-            k: number of the sweep, from 0.
-        """
-        waves = self.pumped(k).response(self.frequency_hz)
-        return np.asarray(np.abs(waves @ self.string.transform()[0]))
-
-    def pumped(self, k: int) -> CoupledModes:
-        """The sample in the k-th sweep, in its uncoupled coordinates.
-
-        Args:
-            k: number of the sweep, from 0.
-        """
-        depth, detuning = self.settings[k]
-        drifted = self.string.shifted(self.drift_hz * (k / (len(self.settings) - 1) - 0.5))
-        return pumped_modes(drifted, depth, self.apart_hz + detuning)
+        string = self.string.shifted(self.drift_hz * at["time"] / duration_h)
+        return pumped_modes(string, at["depth"], self.apart_hz + at["detuning"])
 
 
 def pumped_modes(string: TwoModes, depth: float, pump_hz: float) -> CoupledModes:
@@ -302,25 +325,6 @@ def pumped_modes(string: TwoModes, depth: float, pump_hz: float) -> CoupledModes
         gains=tuple(map(float, string.transform().T @ np.ones(2))),
         pump=Pump(frequency_hz=pump_hz, depth_f=(depth, 0.0)) if depth else None,
     )
-
-
-def check_steady(sample: CoupledModes, pump: str) -> None:
-    """Complain of a pump under which the motion grows.
-
-    Args:
-        sample: under the pump.
-        pump: in words.
-
-    Raises:
-        ValueError: the motion grows in each period.
-    """
-    growth = sample.growth() if sample.pump else 0.0
-    if growth >= 1.0:
-        raise ValueError(
-            f"{pump} makes the motion grow, by {growth:.6g} in each of its periods: there is no "
-            "steady state; wanted less depth, or a pump farther from twice an eigenfrequency or a "
-            "sum of two"
-        )
 
 
 @dataclass(frozen=True, kw_only=True)

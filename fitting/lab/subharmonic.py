@@ -20,13 +20,8 @@ import numpy as np
 
 from fitting.lab.modes import CoupledModes, Pump
 from fitting.lab.names import SUBHARMONIC
-from fitting.lab.pumped import PumpedString, check_steady, pumped_modes
-from fitting.text.arrays import ComplexArray, FloatArray
-
-#: Points in a line width where peaks are looked for; half spans at first and at last, in widths.
-SOUGHT, FIRST_REACH, LAST_REACH = 10.0, 6.0, 60.0
-#: Detunings of the pump that are tried, in line widths of the two modes together.
-TRIED = np.linspace(-1.0, 1.0, 5)
+from fitting.lab.pumped import PumpedString, pumped_modes
+from fitting.text.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,9 +48,14 @@ class SubharmonicBench(PumpedString):
     kind = SUBHARMONIC
     ELSEWHERE = ("string", "sweeps")
     UNITS: ClassVar[Mapping[str, str]] = {"volts": "V", "pump": "Hz"}
+    STRENGTH: ClassVar[str] = "{volts:g} V"
+    COLUMNS: ClassVar[Mapping[str, tuple[str, float]]] = {
+        "volts (V)": ("volts", 1.0),
+        "pump (kHz)": ("pump", 1e3),
+    }
 
     depth_per_volt: float = 3e-4
-    # the last pump is where the two peaks are closest, as `closest_peaks_hz` finds it, to 1 Hz
+    # the last pump is where the two peaks are closest, to 1 Hz
     sweeps: tuple[PumpedSweep, ...] = (
         PumpedSweep(volts=0.0, pump_hz=0.0, span_hz=1000.0),
         PumpedSweep(volts=1.0, pump_hz=87340.0, span_hz=1000.0),
@@ -81,43 +81,22 @@ class SubharmonicBench(PumpedString):
         return self.string.eta_minus_hz - self.string.eta_plus_hz
 
     @property
-    def detector_v(self) -> float:
-        """Of the detector for each m, by its unpumped line, V/m."""
-        width = self.string.widths_hz()[0]
+    def volts_per_m(self) -> float:
+        """Of the detector, by its unpumped line."""
+        width, at = self.string.widths_hz()[0], {"volts": 0.0, "pump": self.eta_apart_hz}
         u_hz = self.string.eta_plus_hz + np.linspace(-0.1, 0.1, 21) * width
-        return self.crest_v / float(np.max(np.abs(self.phasors(0.0, self.eta_apart_hz, u_hz))))
+        return self.crest_v / float(np.max(np.abs(self.phasors(at, u_hz))))
+
+    def places(self) -> list[tuple[Mapping[str, float], FloatArray]]:
+        """Voltages and frequencies of the pump, and the frequencies of every sweep."""
+        return [
+            ({"volts": s.volts, "pump": s.pump_hz}, self.about_plus_hz(s.span_hz))
+            for s in self.sweeps
+        ]
 
     def true_v(self) -> FloatArray:
         """Amplitudes (sweeps, points) without noise, V."""
-        waves = [
-            self.swept_at({"volts": s.volts, "pump": s.pump_hz}, self.about_plus_hz(s.span_hz))
-            for s in self.sweeps
-        ]
-        return np.asarray(np.abs(np.array(waves)))
-
-    def columns(self) -> dict[str, FloatArray]:
-        """Controls and frequencies of all points of all sweeps, by the names of columns."""
-        return {
-            "volts (V)": np.repeat([s.volts for s in self.sweeps], self.points),
-            "pump (kHz)": np.repeat([s.pump_hz / 1e3 for s in self.sweeps], self.points),
-            "frequency (MHz)": np.concatenate(
-                [self.about_plus_hz(s.span_hz) / 1e6 for s in self.sweeps]
-            ),
-        }
-
-    def swept_at(self, at: Mapping[str, float], u_hz: FloatArray) -> ComplexArray:
-        """Phasors of one more sweep, V, (n,), without noise.
-
-        Args:
-            at: voltage and frequency of the pump.
-            u_hz: frequencies, (n,), Hz.
-
-        Raises:
-            ValueError: the pump makes the motion grow, which has no steady state.
-        """
-        volts, pump_hz = at["volts"], at["pump"]
-        check_steady(self.sample(volts, pump_hz), f"a pump of {volts:g} V at {pump_hz:g} Hz")
-        return np.asarray(self.detector_v * self.phasors(volts, pump_hz, u_hz))
+        return np.asarray(np.abs([self.swept_at(at, u_hz) for at, u_hz in self.places()]))
 
     def truth(self, seed: int) -> dict[str, Any]:
         """Everything that was put in, frequencies of the uncoupled modes, and their coupling.
@@ -125,7 +104,8 @@ class SubharmonicBench(PumpedString):
         Args:
             seed: of the noise.
         """
-        result, sample = super().truth(seed), self.sample(0.0, self.eta_apart_hz)
+        at = {"volts": 0.0, "pump": self.eta_apart_hz}
+        result, sample = super().truth(seed), self.pumped(at)
         f1_hz, f2_hz = sample.f_hz
         result["outcome"] |= {
             "f1_hz": f1_hz,
@@ -134,92 +114,20 @@ class SubharmonicBench(PumpedString):
         }
         return {**result, "sweep": [asdict(sweep) for sweep in self.sweeps]}
 
-    def sample(self, volts: float, pump_hz: float) -> CoupledModes:
-        """The string under a pump, in its uncoupled coordinates.
+    def pumped(self, at: Mapping[str, float]) -> CoupledModes:
+        """The string under a pump, which may act on the coupling and the second mode, too.
 
         Args:
-            volts: of the pump.
-            pump_hz: its frequency, Hz.
+            at: voltage and frequency of the pump.
         """
-        depth = self.depth_per_volt * volts
-        sample = pumped_modes(self.string, depth, pump_hz)
+        depth = self.depth_per_volt * at["volts"]
+        sample = pumped_modes(self.string, depth, at["pump"])
         if not depth:
             return sample
         (f1, f2), coupling = sample.f_hz, sample.coupling_hz[0, 1]
         second = self.second_share * depth * (f1 / f2) ** 2
         on_coupling = self.coupling_share * depth * (f1 / coupling) ** 2 if coupling else 0.0
         pump = Pump(
-            frequency_hz=pump_hz, depth_f=(depth, second), depth_coupling={(0, 1): on_coupling}
+            frequency_hz=at["pump"], depth_f=(depth, second), depth_coupling={(0, 1): on_coupling}
         )
         return replace(sample, pump=pump)
-
-    def phasors(self, volts: float, pump_hz: float, u_hz: FloatArray) -> ComplexArray:
-        """Phasors (n,) of the observed mode, in m under 1 m/s2.
-
-        Args:
-            volts: of the pump.
-            pump_hz: its frequency, Hz.
-            u_hz: frequencies, (n,), Hz.
-        """
-        waves = self.sample(volts, pump_hz).response(u_hz)
-        return np.asarray(waves @ self.string.transform()[0])
-
-    def peaks_hz(self, volts: float, pump_hz: float, reach_hz: float) -> tuple[float, float]:
-        """The two highest peaks of the line under a pump, Hz, lower one first; equal: there is one.
-
-        Args:
-            volts: of the pump.
-            pump_hz: its frequency, Hz.
-            reach_hz: how far from eta_plus they are looked for.
-        """
-        count = int(2.0 * reach_hz * SOUGHT / self.string.widths_hz()[0]) + 1
-        u_hz = self.string.eta_plus_hz + np.linspace(-reach_hz, reach_hz, count)
-        observed = np.abs(self.phasors(volts, pump_hz, u_hz))
-        at = 1 + np.flatnonzero((observed[1:-1] > observed[:-2]) & (observed[1:-1] >= observed[2:]))
-        tops = sorted(at, key=lambda k: -observed[k])[:2]
-        result = sorted(_top(u_hz[k - 1 : k + 2], observed[k - 1 : k + 2]) for k in tops)
-        return (result[0], result[-1]) if result else (float("nan"), float("nan"))
-
-
-def _top(u_hz: FloatArray, observed: FloatArray) -> float:
-    """Where the parabola through three points is highest."""
-    left, middle, right = observed
-    bend = left - 2.0 * middle + right
-    return float(u_hz[1] + 0.5 * (u_hz[1] - u_hz[0]) * (left - right) / bend)
-
-
-def closest_peaks_hz(bench: SubharmonicBench, volts: float, order: int) -> tuple[float, float]:
-    """Frequency of a pump near a subharmonic at which the two peaks are closest, and how close, Hz.
-
-    What a laboratory does: the pump is moved until the opening is smallest. The squares of the
-    distances are a parabola of the detuning, as of any avoided crossing.
-
-    Args:
-        bench: whose string is pumped.
-        volts: of the pump.
-        order: of the subharmonic: 1 at the distance of the modes, 2 at half of it.
-
-    Raises:
-        ValueError: the line does not open there.
-    """
-    width = sum(bench.string.widths_hz()) / 2.0
-    middle, reach = bench.eta_apart_hz / order, FIRST_REACH * width
-    # the dynamic Stark shift goes with the square of the voltage and may be many widths
-    for _ in range(16):
-        pumps = middle + TRIED * width / order
-        apart = np.array([np.ptp(bench.peaks_hz(volts, pump, reach)) for pump in pumps])
-        if not np.all(apart > 0.0):
-            if reach > LAST_REACH * width:
-                raise ValueError(
-                    f"a pump of {volts:g} V near {middle:.6g} Hz does not open the line by more "
-                    "than its width; wanted a higher voltage"
-                )
-            reach *= 2.0
-            continue
-        bend, slope, _rest = np.polyfit(pumps - middle, apart**2, 2)
-        step = float(np.clip(-0.5 * slope / bend, -5.0 * width, 5.0 * width))
-        middle += step
-        reach = 3.0 * width + 0.75 * float(apart.max())
-        if abs(step) < 1e-3 * width:
-            break
-    return middle, float(np.ptp(bench.peaks_hz(volts, middle, reach)))

@@ -496,7 +496,9 @@ class Probe:
     def _acts(self, settings: Mapping[str, Scalar], name: str, values: tuple[float, float]) -> bool:
         """Whether a short run with these values differs in any bit, or fails with one of them."""
         others = {key: value for key, value in settings.items() if key != name}
-        key = name, _key(others)
+        # the value of the solver's other parameter does not decide it, and a plan tries many
+        knobs = self.known.annotation.tolerance, self.known.annotation.substep
+        key = name, _key({k: value for k, value in others.items() if k not in knobs})
         if key not in self._acting:
             runs = self._short_runs(others, name, values)
             self._acting[key] = runs is None or runs[0].tobytes() != runs[1].tobytes()

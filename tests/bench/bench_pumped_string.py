@@ -36,13 +36,14 @@ from scipy.stats import binomtest
 import build_fmu
 import fitting as ff
 from fitting.lab.string import STRING
-from fitting.lab.subharmonic import PumpedSweep, SubharmonicBench, closest_peaks_hz
+from fitting.lab.subharmonic import PumpedSweep, SubharmonicBench
 from fitting.lab.synthesis import synthesize
 from fitting.lab.true_values import true_values
 from fitting.lab.writer import written_mhz
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.finding import Kind
 from tests.bench.records import Records
+from tests.support.closest_peaks import closest_peaks_hz, peaks_hz
 
 NAMES = ("lambda12", "theta", "d1", "d2", "f1", "f2")
 #: Bounds of the gain in the campaign, 1/V.
@@ -143,7 +144,7 @@ def first_gain(bench: SubharmonicBench) -> float:
         bench: with the sweep as its second one.
     """
     first = bench.sweeps[1]
-    low, high = bench.peaks_hz(first.volts, first.pump_hz, 0.5 * first.span_hz)
+    low, high = peaks_hz(bench, first.volts, first.pump_hz, 0.5 * first.span_hz)
     begun = replace(bench, string=replace(bench.string, theta_rad=START_RAD))
     return float(np.clip(_depth(begun, 1, high - low) / first.volts, *GAINS))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import stat
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,8 @@ DATA = Path(__file__).parents[2] / "data"
 
 
 def call(*words: str | Path) -> int:
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(prog="fmu-fit synthesize")
+    parser.set_defaults(parser=parser)
     synthesize.add_arguments(parser)
     return synthesize.run(parser.parse_args([str(w) for w in words]))
 
@@ -72,6 +74,15 @@ def numbers(data: bytes) -> list[float]:
 def test_two_folders_hold_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a", "b"):
         call("--series", "q2", "--seed", "5", "--out", tmp_path / name)
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+
+
+def test_the_command_that_files_state_makes_them_again(tmp_path: Path) -> None:
+    words = ["--series", "q1", "--phases", "--restart", "3", "--restart", "2", "--noise", "0.02"]
+    call(*words, "--theta", "1.9", "--no-reflection", "--out", tmp_path / "a")
+    command = (tmp_path / "a" / "campaign.toml").read_text("utf-8").splitlines()[1]
+    assert command.startswith("# made by: fmu-fit synthesize --series q1 --seed 1 ")
+    call(*shlex.split(command)[5:], "--out", tmp_path / "b")
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
 
 

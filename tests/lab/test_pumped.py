@@ -32,7 +32,7 @@ def rotating_waves(bench: PumpedBench, depth: float, detuning: float) -> FloatAr
     diagonal in hybrid coordinates. Parametric normal-mode splitting: arXiv:2412.16767.
     """
     string = bench.string
-    (w1, w2), u = string.widths_hz(), bench.frequency_hz
+    (w1, w2), u = string.widths_hz(), bench.places()[0][1]
     c, s = np.cos(string.theta_rad), np.sin(string.theta_rad)
     eta1, eta2 = string.eta_plus_hz, string.eta_minus_hz
     p = depth * c * s * ((c * eta1) ** 2 + (s * eta2) ** 2)
@@ -46,7 +46,10 @@ def rotating_waves(bench: PumpedBench, depth: float, detuning: float) -> FloatAr
 def test_the_line_is_split_as_rotating_waves_say(depth: float, detuning: float) -> None:
     """What they leave out: p/eta of the line, and the other sideband's shift, some Hz at 3e-4."""
     bench = replace(BENCH, settings=((depth, detuning),) * 2, drift_hz=0.0)
-    wanted, found = rotating_waves(bench, depth, detuning), bench.response(0)
+    wanted, found = (
+        rotating_waves(bench, depth, detuning),
+        np.abs(bench.phasors(*bench.places()[0])),
+    )
     assert np.max(np.abs(found - wanted)) <= (2e-4 + 100.0 * depth) * np.max(wanted)
 
 
@@ -54,7 +57,8 @@ def test_the_line_opens_by_the_angle() -> None:
     """f1^2 |sin 2 theta| depth/(4 sqrt(eta_plus eta_minus)) apart, where that is many widths."""
     sharp = replace(BENCH.string, d1_hz=6.0, d2_hz=5.0)
     bench = replace(BENCH, string=sharp, settings=((3e-4, 0.0),) * 2, drift_hz=0.0, points=1601)
-    seen, u = bench.response(0), bench.frequency_hz
+    at, u = bench.places()[0]
+    seen = np.abs(bench.phasors(at, u))
     tops = u[1:-1][(seen[1:-1] > seen[:-2]) & (seen[1:-1] > seen[2:])]
     theta, plus, minus = sharp.theta_rad, sharp.eta_plus_hz, sharp.eta_minus_hz
     f1 = np.hypot(np.cos(theta) * plus, np.sin(theta) * minus)

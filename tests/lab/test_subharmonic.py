@@ -12,14 +12,11 @@ from scipy.special import jv
 
 import fitting as ff
 from fitting.lab.pumped import PumpedBench, measure_pumped
-from fitting.lab.subharmonic import (
-    PumpedSweep,
-    SubharmonicBench,
-    closest_peaks_hz,
-)
+from fitting.lab.subharmonic import PumpedSweep, SubharmonicBench
 from fitting.lab.synthesis import synthesize
 from fitting.measurements.control_sweep import ReadSpectra
 from fitting.text.errors import BadInput
+from tests.support.closest_peaks import closest_peaks_hz
 
 BENCH = SubharmonicBench()
 #: Lines narrower than their openings: peaks are where the eigenfrequencies are.
@@ -80,12 +77,13 @@ def test_the_third_sweep_is_where_the_peaks_are_closest() -> None:
 def test_the_pump_at_the_distance_is_that_of_the_other_bench() -> None:
     """The same string and depth as `PumpedBench` sweeps it, with a pump on lambda^2 it is not."""
     other = PumpedBench(settings=((0.0, 0.0), (3e-4, 0.0)), drift_hz=0.0)
-    u_hz = other.frequency_hz
-    found = np.abs(BENCH.phasors(1.0, 87340.0, u_hz))
-    assert found == pytest.approx(other.response(1), rel=1e-10)
+    there, u_hz = other.places()[1]
+    at = {"volts": 1.0, "pump": 87340.0}
+    found = np.abs(BENCH.phasors(at, u_hz))
+    assert found == pytest.approx(np.abs(other.phasors(there, u_hz)), rel=1e-10)
     for changes in ({"coupling_share": 0.05}, {"second_share": 0.5}):
         other_pump = replace(BENCH, **changes)  # type: ignore[arg-type]
-        moved = np.abs(other_pump.phasors(1.0, 87340.0, u_hz))
+        moved = np.abs(other_pump.phasors(at, u_hz))
         assert np.max(np.abs(moved - found)) > 0.05 * np.max(found)
 
 

@@ -129,12 +129,13 @@ def test_a_pump_is_set_as_planned_and_time_may_be_a_constant(tmp_path: Path) -> 
     bench = PumpedBench(points=11, settings=((0.0, 0.0), (3e-4, 80.0), (0.0, 0.0)))
     made = ff.synthesize(bench, out=tmp_path / "old")
     text = (tmp_path / "old/campaign.toml").read_text().replace(', "time"]', "]")
-    text = text.replace("[constants]", f'[constants]\ntime = "{60.0 * bench.time_h(1)!r} min"')
+    time_min = 60.0 * bench.places()[1][0]["time"]
+    text = text.replace("[constants]", f'[constants]\ntime = "{time_min!r} min"')
     design = 'noise_floor = "1e-9 uV"\nsweeps = { controls = { depth = [0.0, 3e-4] } }'
     (tmp_path / "plan.toml").write_text(f"{text}\n[design]\n{design}\n")
     lines = ["detuning (kHz),depth (1),frequency (MHz),amplitude (uV)"]
-    lines += [f"0.08,3e-4,{float(u) / 1e6!r}," for u in bench.frequency_hz]
-    lines += [f"0.0,0.0,{float(u) / 1e6!r}," for u in bench.frequency_hz]
+    lines += [f"0.08,3e-4,{float(u) / 1e6!r}," for u in bench.places()[0][1]]
+    lines += [f"0.0,0.0,{float(u) / 1e6!r}," for u in bench.places()[0][1]]
     (tmp_path / "sweeps.csv").write_text("\n".join(lines) + "\n")
     truth = tmp_path / "old/truth.toml"
     new = ff.synthesize(truth, plan=tmp_path / "plan.toml", out=tmp_path / "lab")

@@ -122,7 +122,7 @@ def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
     What was come by at both ends of theta then fits close to both ends of the coupling, too.
     """
     lines = SidebandLine(BENCH, UNPUMPED)
-    sigma = 0.2e-6 / BENCH.volts
+    sigma = 0.2e-6 / BENCH.volts_per_m
     angles = (1.58, 2.35)
     seen = [lines.swept(np.array([theta, 100.0, 100.0, 0.0, 0.0, 0.0])) for theta in angles]
     assert np.max(np.abs(seen[1] - seen[0])) < 1e-6 * sigma

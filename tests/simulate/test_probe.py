@@ -193,6 +193,16 @@ def test_substeps_are_counted_by_what_acts() -> None:
     assert rate(True) == pytest.approx(0.1 * 104.0)
 
 
+def test_whether_a_substep_acts_is_asked_once_for_all_tolerances() -> None:
+    workers = LineWorkers({"x": stepped("h", True)})
+    probe = Probe((drive_of(100.0),), workers, by(substep="h", tolerance="tol"))
+    for tolerance in (1e-3, 1e-5, 1e-7):
+        assert probe.acts_as_substep({"h": 1e-3, "tol": tolerance})
+    assert len(workers.asked) == 2
+    assert probe.acts_as_substep({"h": 1e-3, "other": 1.0})
+    assert len(workers.asked) == 4
+
+
 def test_a_substep_of_nothing_is_forty_in_a_period_and_beats_count_no_more_than_twice_that() -> (
     None
 ):

@@ -156,8 +156,8 @@ class Balance:
                     found[i, :, 1, j, :, part] = change.imag
         return found.reshape(4 * n, 4 * n)
 
-    def solved(self, start: ComplexArray) -> ComplexArray:
-        """The lines near ``start``, (2, n), to rounding.
+    def solved(self, start: ComplexArray, enough: float = 1e-9) -> ComplexArray:
+        """The lines near ``start``, (2, n), to rounding; the last order below ``enough`` of all.
 
         Raises:
             NotComparable: Newton's method does not settle, or the last order still counts.
@@ -175,7 +175,7 @@ class Balance:
                 break
             if np.abs(change).max() < 1e-13 * size:
                 last = [sum(map(abs, o)) == self.order for o in self.orders]
-                if np.abs(lines[:, last]).max() > 1e-9 * size:
+                if np.abs(lines[:, last]).max() > enough * size:
                     raise NotComparable("the last order still counts")
                 return lines
         raise NotComparable("no steady motion near this one")

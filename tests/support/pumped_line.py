@@ -50,7 +50,8 @@ class SidebandLine:
 
     def _sweep(self, p: FloatArray, k: int) -> FloatArray:
         depth, detuning = self.bench.settings[k]
-        eta, u = self.eta_hz(p, self.bench.time_h(k)), self.bench.frequency_hz
+        at, u = self.bench.places()[k]
+        eta = self.eta_hz(p, at["time"])
         c, s = np.cos(p[0]), np.sin(p[0])
         turn = np.array([[c, -s], [s, c]])
         damping = turn @ np.diag(p[1:3]) @ turn.T
