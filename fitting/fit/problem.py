@@ -24,6 +24,7 @@ from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, measured_plan, plan_series
+from fitting.simulate.probe import Knowledge
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.finding import Finding
@@ -235,20 +236,20 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
         BadInput: a campaign cannot be planned, or something else than it drives the FMU.
     """
     description = workers.description
-    series = {
-        name: replace(
-            problem.planned_together(name),
-            own_step_s=description.step_s,
-            fixed_step=description.fixed_step,
-            any_steps=description.any_steps,
-            exchange=description.exchange is not None,
-        )
-        for name in problem.data.series
-    }
+    known = Knowledge(
+        read_accuracy_annotation(description),
+        description.settable,
+        step_s=description.step_s,
+        fixed_step=description.fixed_step,
+        exchange=description.exchange is not None,
+    )
+    series = {name: problem.planned_together(name) for name in problem.data.series}
     for each in series.values():
         refuse_other_drives(each, workers)
-    variables, own = description.settable, read_accuracy_annotation(description)
-    plans = {name: measured_plan(each, workers, variables, own) for name, each in series.items()}
+    plans = {
+        name: measured_plan(each, workers, known, any_steps=description.any_steps)
+        for name, each in series.items()
+    }
     planned = PlannedFmu(problem, workers, plans)
     for sentence in planned.sentences:
         _log.info("plan: %s", sentence)

@@ -12,7 +12,6 @@ import numpy as np
 from fitting.campaign import Setup
 from fitting.campaign.parameters import Parameter, axis_ends, bounds, planning_points, starts
 from fitting.fmu.accuracy import AccuracyAnnotation
-from fitting.fmu.description import FmuVariable
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Measurement
 from fitting.measurements.plan import Plan
@@ -37,10 +36,7 @@ LESS_DAMPING = 2.0
 class Series:
     """Measurements that are planned together, and the parameters that they are fitted with.
 
-    `alternative` are start values of one discrete alternative; `seed` that of points of the box;
-    `own_step_s` the step that the FMU declares, None where it declares none, and `fixed_step`
-    whether its solver takes no other; `any_steps`: whether its communication steps may differ from
-    each other; `exchange`: its equations are integrated here.
+    `alternative` are start values of one discrete alternative; `seed` that of points of the box.
     """
 
     measurements: tuple[Measurement, ...]
@@ -48,10 +44,6 @@ class Series:
     _: KW_ONLY
     alternative: Mapping[str, Scalar] = field(default_factory=dict)
     seed: int = 1
-    own_step_s: float | None = None
-    fixed_step: bool = False
-    any_steps: bool = True
-    exchange: bool = False
 
     @property
     def setup(self) -> Setup:
@@ -144,10 +136,7 @@ def settling_s(line_width_hz: float, accuracy: float) -> float:
 
 
 def measured_plan(
-    series: Series,
-    workers: Workers,
-    variables: Mapping[str, FmuVariable],
-    own: AccuracyAnnotation | None = None,
+    series: Series, workers: Workers, known: Knowledge, *, any_steps: bool = True
 ) -> Plan:
     """Plan of a series with settling, solver and reductions measured at start and reference.
 
@@ -157,8 +146,8 @@ def measured_plan(
     Args:
         series: measurements of one setup.
         workers: of the FMU.
-        variables: those of the FMU, by name.
-        own: the FMU's declarations of its accuracy, for where the setup has none.
+        known: of the FMU; what it declares of its accuracy, where the setup has nothing.
+        any_steps: whether its communication steps may differ from each other.
 
     Raises:
         BadInput: the series cannot be planned.
@@ -170,20 +159,15 @@ def measured_plan(
         parameters=series.parameters,
         plan=draft,
         alternative=series.alternative,
-        own_step_s=series.own_step_s,
-        any_steps=series.any_steps,
-        integrated=series.exchange,
+        own_step_s=known.step_s,
+        any_steps=any_steps,
+        integrated=known.exchange,
     )
     drives = _drives(series, model, workers)
     if not drives:
         return _refined(series, model, workers)
-    known = Knowledge(
-        _applicable(series, setup.annotation.over(own or AccuracyAnnotation())),
-        variables,
-        step_s=series.own_step_s,
-        fixed_step=series.fixed_step,
-        exchange=series.exchange,
-    )
+    annotation = _applicable(series, setup.annotation.over(known.annotation))
+    known = replace(known, annotation=annotation)
     ends = [_drives_at(series, model, point) for point in axis_ends(series.parameters)]
 
     def planned(known: Knowledge) -> Plan:

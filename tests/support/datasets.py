@@ -22,6 +22,7 @@ from fitting.measurements.sweep import Sweep
 from fitting.measurements.tones import Tones
 from fitting.signal.scale import Maximum
 from fitting.simulate.batch import Workers
+from fitting.simulate.probe import Knowledge
 from fitting.text.arrays import ComplexArray, FloatArray, Scalar
 
 #: Of a drive that nothing in such a test applies.
@@ -124,7 +125,8 @@ def planned_with(
     own: AccuracyAnnotation | None = None,
 ) -> Plan:
     """The plan of one campaign, measured with its FMU."""
-    return measured_plan(problem_of([bound]).planned_together(""), workers, variables, own)
+    known = Knowledge(own or AccuracyAnnotation(), variables)
+    return measured_plan(problem_of([bound]).planned_together(""), workers, known)
 
 
 def through(
