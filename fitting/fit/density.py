@@ -80,7 +80,7 @@ class Density:
         data, known = self.data, self.known
         common = shared(data, np.zeros(known.size))
         for m, place in zip(data.measurements, data.slices, strict=True):
-            if m.takes_scale_from_rows and not np.any(known[place]):
+            if m.scaling.from_rows and not np.any(known[place]):
                 common[place] = 0.0  # its scale is solved for inside these rows
         if np.any(common[~known]):
             raise BadInput(

@@ -189,7 +189,7 @@ def curve_structure(
     rows, columns = final.residuals[mine], matrix[mine]
     if not rows.size:
         return None
-    if any(m.rows and m.takes_scale_from_rows for m in data.measurements if m.is_curve):
+    if any(m.rows and m.scaling.from_rows for m in data.measurements if m.is_curve):
         columns = np.column_stack([columns, rows + data.measured_rows[mine]])  # d r/d ln chi
     # what the rows are solved for inside takes degrees of freedom, too: columns of one curve, of
     # the spectra of a map, and of stretches of rows that follow each other

@@ -65,6 +65,7 @@ from fitting.measurements.measurement import (
     Prediction,
     Sampled,
     Scale,
+    Scaling,
     Values,
 )
 from fitting.measurements.records import Curve, SweepsTogether
@@ -299,9 +300,9 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
         return self.measured / self.sizes if self.scaled_by == "shared" else np.zeros(self.rows)
 
     @property
-    def takes_scale_from_rows(self) -> bool:
-        """Whether chi is the least-squares one over all points."""
-        return self.scaled_by == "shared"
+    def scaling(self) -> Scaling:
+        """Chi is the least-squares one over all points, where they share it."""
+        return Scaling(from_rows=self.scaled_by == "shared")
 
     @property
     def solved_inside(self) -> int:

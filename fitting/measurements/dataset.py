@@ -122,7 +122,7 @@ class Dataset:
     def scale_sigmas(self) -> tuple[float, ...]:
         """Relative standard deviation of chi of each series; zero where it is fitted."""
         return tuple(
-            max((m.scale_sigma for m in self.measurements if m.series == name), default=0.0)
+            max((m.scaling.sigma for m in self.measurements if m.series == name), default=0.0)
             for name in self.series
         )
 
@@ -177,7 +177,7 @@ class Dataset:
             ]
             stated = [scale for m, q in mine if (scale := m.scale(q)) is not None]
             scale = stated[0] if stated else Scale(1.0)
-            if any(m.has_free_scale for m, _ in mine):
+            if any(m.scaling.is_free for m, _ in mine):
                 scale = Scale(scale.value * float(np.exp(next(left))), scale.bias)
             result.append(scale)
         return tuple(result)
@@ -233,7 +233,7 @@ def own_scale(measurement: Measurement) -> int:
     Args:
         measurement: with its rows.
     """
-    return int(measurement.rows > 0 and measurement.takes_scale_from_rows)
+    return int(measurement.rows > 0 and measurement.scaling.from_rows)
 
 
 def part_of(data: Dataset, settings: Mapping[str, Scalar]) -> Dataset:

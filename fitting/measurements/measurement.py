@@ -73,6 +73,20 @@ class Scale:
 
 
 @dataclass(frozen=True)
+class Scaling:
+    """How a scale follows from a measurement.
+
+    ``from_rows``: it is the least-squares one over its own rows, and so costs one of them;
+    ``is_free``: the logarithm of a factor on it is a parameter of the fit; ``sigma``: its relative
+    standard deviation, zero where it is fitted, or none is given.
+    """
+
+    from_rows: bool = False
+    is_free: bool = False
+    sigma: float = 0.0
+
+
+@dataclass(frozen=True)
 class Estimated:
     """A value, and the standard deviation that it has at fixed parameters of the fit.
 
@@ -149,11 +163,6 @@ class Measurement:
         return ()
 
     @property
-    def takes_scale_from_rows(self) -> bool:
-        """Whether its scale is a least-squares one over its own rows, and so costs one of them."""
-        return False
-
-    @property
     def solved_inside(self) -> int:
         """Number of real unknowns that `residuals` solves for: its rows are worth so many less."""
         return 0
@@ -169,14 +178,9 @@ class Measurement:
         return math.inf
 
     @property
-    def has_free_scale(self) -> bool:
-        """Whether the logarithm of a factor on the scale is a parameter of the fit."""
-        return False
-
-    @property
-    def scale_sigma(self) -> float:
-        """Relative standard deviation of the scale that it gives; zero where it gives none."""
-        return 0.0
+    def scaling(self) -> Scaling:
+        """How the scale of its series follows from it, where it does."""
+        return Scaling()
 
     @property
     def line_width_hz(self) -> float | None:

@@ -38,6 +38,7 @@ from fitting.measurements.measurement import (
     Prediction,
     Sampled,
     Scale,
+    Scaling,
     Values,
 )
 from fitting.measurements.plan import Plan
@@ -156,7 +157,7 @@ class Sweep(Measurement):
     def datum_noise(self) -> float:
         """Relative standard deviation of its least noisy datum, or of the scale that it gives."""
         if not self.fitted:
-            return self.scale_sigma
+            return self.scaling.sigma
         stated = least_noise(self.sigma, self.measured_rows)
         return stated or white_noise(self.amplitude_v) / self.maximum_v
 
@@ -208,24 +209,15 @@ class Sweep(Measurement):
         """Derivatives (rows, k) of the rows by the background's numbers over the maximum."""
         return (self._background_columns if self.fitted else np.empty((0, 0)),)
 
-    @property
-    def takes_scale_from_rows(self) -> bool:
-        """Whether chi is one of least squares, or Huber's, over all points."""
-        return self.scaled_by in ("fit", "robust")
-
-    @property
-    def has_free_scale(self) -> bool:
-        """Whether a factor on the scale is fitted with the rest."""
-        return self.scaled_by == "free"
-
-    @property
-    def scale_sigma(self) -> float:
-        """Relative standard deviation of chi; zero where it is fitted, or none is given."""
+    @cached_property
+    def scaling(self) -> Scaling:
+        """A factor on chi is fitted with the rest, or chi has an error of its own."""
         if self.scaled_by == "free":
-            return 0.0
-        if self.scaled_by == "maximum" and self.maximum_sigma > 0.0:
-            return self.maximum_sigma
-        return sweep_scale_sigma(self._shape, self.sigmas_v, self.scaled_by)
+            return Scaling(is_free=True)
+        sigma = self.maximum_sigma if self.scaled_by == "maximum" else 0.0
+        if not sigma > 0.0:
+            sigma = sweep_scale_sigma(self._shape, self.sigmas_v, self.scaled_by)
+        return Scaling(from_rows=self.scaled_by in ("fit", "robust"), sigma=sigma)
 
     @property
     def places(self) -> tuple[tuple[str, Mapping[str, Scalar]], ...]:
@@ -335,26 +327,27 @@ class Sweep(Measurement):
         nodes, curve = np.array(model.plan.nodes_hz), self._curve(model)
         if not nodes.size:
             return [None] * len(table)
+        plan = model.plan
+        accuracy, bend = plan.maximum_bias or self.setup.accuracy, plan.maximum_bend
         first, group = model.groups(table, self.label or None)
         requested = [curve.ask(table[k], nodes, batch, int(k)) for k in first]
         yield
-        searches = [
-            MaximumSearch(nodes, np.abs(curve.read(batch, each)), bend=model.plan.maximum_bend)
-            for each in requested
-        ]
+        points = [(nodes, np.abs(curve.read(batch, each))) for each in requested]
         for _ in range(SEARCH_ROUNDS):
-            more = [s.wanted(model.plan.maximum_bias or self.setup.accuracy) for s in searches]
+            more = [further_nodes(f, a, refine_maximum(f, a, bend), accuracy) for f, a in points]
             if not any(m.size for m in more):
                 break
             further = [
                 curve.ask(table[k], f, batch, int(k)) for k, f in zip(first, more, strict=True)
             ]
             yield
-            searches = [
-                s.with_points(f, np.abs(curve.read(batch, each)))
-                for s, f, each in zip(searches, more, further, strict=True)
-            ]
-        return [searches[g].maximum for g in group]
+            for i, (new, runs) in enumerate(zip(more, further, strict=True)):
+                f = np.concatenate([points[i][0], new])
+                a = np.concatenate([points[i][1], np.abs(curve.read(batch, runs))])
+                order = np.argsort(f)
+                points[i] = f[order], a[order]
+        tops = [refine_maximum(f, a, bend) for f, a in points]
+        return [tops[g] for g in group]
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
         """The run at the first point."""
@@ -558,48 +551,25 @@ def sweep_of(bound: BoundCampaign, data: SweepData, series: str = "") -> Sweep:
     )
 
 
-@dataclass(frozen=True)
-class MaximumSearch:
-    """Sweep points about a maximum that is looked for; `bend` (1/Hz) bounds its error if known."""
+def further_nodes(
+    frequency_hz: FloatArray, amplitude: FloatArray, top: Maximum, accuracy: float
+) -> FloatArray:
+    """Frequencies to add about a maximum, Hz: beyond the end that rises, or closer; else none.
 
-    frequency_hz: FloatArray
-    amplitude: FloatArray
-    bend: float | None = None
-
-    @cached_property
-    def maximum(self) -> Maximum:
-        """The maximum that the points show."""
-        return refine_maximum(self.frequency_hz, self.amplitude, self.bend)
-
-    def wanted(self, accuracy: float) -> FloatArray:
-        """Frequencies to add, Hz: beyond the end that rises, or closer about the maximum.
-
-        Args:
-            accuracy: relative error that is wanted.
-        """
-        result = self.maximum
-        f = self.frequency_hz
-        if not result.bracketed:
-            span = float(np.ptp(f))
-            centre = result.frequency_hz
-            side = -1.0 if centre == f[0] else 1.0
-            steps = centre + side * span * np.array([0.25, 0.5, 1.0, 2.0])
-            return np.asarray(steps[steps > 0.0])
-        if result.bias <= accuracy:
-            return np.empty(0)
-        k = int(np.argmax(self.amplitude))
-        spacing = 0.25 * float(min(f[k] - f[k - 1], f[k + 1] - f[k]))
-        near = nodes_around(result.frequency_hz, spacing)
-        return near[~np.isin(near, f)]
-
-    def with_points(self, frequency_hz: FloatArray, amplitude: FloatArray) -> MaximumSearch:
-        """The search with further points (k,), in the order of frequency.
-
-        Args:
-            frequency_hz: frequencies (n,), Hz.
-            amplitude: amplitudes (n,), V peak.
-        """
-        f = np.concatenate([self.frequency_hz, frequency_hz])
-        a = np.concatenate([self.amplitude, amplitude])
-        order = np.argsort(f)
-        return replace(self, frequency_hz=f[order], amplitude=a[order])
+    Args:
+        frequency_hz: of the sweep so far, rising, shape (n,), Hz.
+        amplitude: there, shape (n,).
+        top: the maximum that these show.
+        accuracy: relative error that is wanted.
+    """
+    f = frequency_hz
+    if not top.bracketed:
+        side = -1.0 if top.frequency_hz == f[0] else 1.0
+        steps = top.frequency_hz + side * float(np.ptp(f)) * np.array([0.25, 0.5, 1.0, 2.0])
+        return np.asarray(steps[steps > 0.0])
+    if top.bias <= accuracy:
+        return np.empty(0)
+    k = int(np.argmax(amplitude))
+    spacing = 0.25 * float(min(f[k] - f[k - 1], f[k + 1] - f[k]))
+    near = nodes_around(top.frequency_hz, spacing)
+    return near[~np.isin(near, f)]
