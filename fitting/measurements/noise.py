@@ -85,6 +85,8 @@ EVERY = 2
 EVEN = 1e-3
 #: ln P/S of the table that leads from rows back to spectra: its ends, and points.
 REACHED, TABULATED = 30.0, 60_001
+#: Averages that are looked for where none are declared.
+MOST, KNOTS = 1e7, 2000
 #: Quantiles of the mean of a power over which the mean row is taken.
 QUANTILES = 2000
 
@@ -326,8 +328,19 @@ class NoiseSpectrum(OfSetup, Curve):
 
     @cached_property
     def count(self) -> float:
-        """Number of averages, as declared or seen."""
-        return estimated_averages(self.y) if self.averages is None else float(self.averages)
+        """Number of averages, as declared, or from how the densities scatter.
+
+        The logarithm of an average of M periodograms has the variance psi'(M); of second
+        differences of neighbours that are independent it is six times as much, whatever the
+        spectrum does slowly. The median of their sizes does not depend on the few points at a line.
+        """
+        if self.averages is not None:
+            return float(self.averages)
+        bent = np.diff(np.log(self.y), 2)
+        variance = (float(np.median(np.abs(bent))) / MEDIAN_OF_NORMAL) ** 2 / 6.0
+        counts = np.geomspace(1.0, MOST, KNOTS)
+        falling = polygamma(1, counts)
+        return float(np.exp(np.interp(-variance, -falling, np.log(counts))))
 
     @cached_property
     def sigma(self) -> float:
@@ -451,7 +464,12 @@ class NoiseSpectrum(OfSetup, Curve):
             at: which rows of the measurement these are.
             rows: residuals, (rows,).
         """
-        spectrum, root = self.spectrum_of(rows), np.sqrt(self.count)
+        # the spectrum S of which `residuals` makes these rows: P/x, x the root of the deviance
+        logarithm = np.linspace(-REACHED, REACHED, TABULATED)
+        deviance = 2.0 * self.count * (np.expm1(logarithm) - logarithm)
+        table = -np.sign(logarithm) * np.sqrt(np.maximum(deviance, 0.0))
+        spectrum = self.y / np.exp(np.interp(-rows, -table, logarithm))
+        root = np.sqrt(self.count)
         columns = mistakes(self.observed_hz, spectrum, root / spectrum)
         columns[Kind.noise_level] = columns.pop(Kind.gain)
         return ResidualCurve(
@@ -463,17 +481,6 @@ class NoiseSpectrum(OfSetup, Curve):
             columns=columns,
             first_order=frozenset(columns),  # the root of a deviance bends
         )
-
-    def spectrum_of(self, rows: FloatArray) -> FloatArray:
-        """S (n,) of which `residuals` makes these rows: P/x, x the root of the deviance.
-
-        Args:
-            rows: signed roots of the deviances, (n,).
-        """
-        logarithm = np.linspace(-REACHED, REACHED, TABULATED)
-        deviance = 2.0 * self.count * (np.expm1(logarithm) - logarithm)
-        table = -np.sign(logarithm) * np.sqrt(np.maximum(deviance, 0.0))
-        return np.asarray(self.y / np.exp(np.interp(-rows, -table, logarithm)))
 
     def figure(self, before: Values, after: Values) -> Figure:
         """The model with the band that holds 95 % of the points; signed deviances below.
@@ -517,27 +524,6 @@ class NoiseSpectrum(OfSetup, Curve):
             ),
             panels=(shown, rest),
         )
-
-
-#: Averages that are looked for.
-MOST, KNOTS = 1e7, 2000
-
-
-def estimated_averages(density: FloatArray) -> float:
-    """How many periodograms were averaged, 1 or more, from how a density scatters.
-
-    The logarithm of an average of M periodograms has the variance psi'(M); of second differences of
-    neighbours that are independent it is six times as much, whatever the spectrum does slowly. The
-    median of their sizes does not depend on the few points at a line.
-
-    Args:
-        density: at points that scatter independently, (n,), above zero.
-    """
-    bent = np.diff(np.log(density), 2)
-    variance = (float(np.median(np.abs(bent))) / MEDIAN_OF_NORMAL) ** 2 / 6.0
-    counts = np.geomspace(1.0, MOST, KNOTS)
-    falling = polygamma(1, counts)
-    return float(np.exp(np.interp(-variance, -falling, np.log(counts))))
 
 
 #: Steps at most, and the relative change that ends them.

@@ -337,14 +337,11 @@ class Plan:
         """The plan for a report: a line per decision, the sum, remarks."""
         if self.budget is None:
             return self.remarks
-        return (*map(_sentence, self.budget.decisions), sum_in_words(self.budget), *self.remarks)
+        words = map(decision_in_words, self.budget.decisions)
+        sentences = (f"{text[0].upper()}{text[1:]}." for text in words)
+        return (*sentences, sum_in_words(self.budget), *self.remarks)
 
     @property
     def record(self) -> PlanRecord | None:
         """The plan for a result."""
         return None if self.budget is None else self.budget.record(self.settings)
-
-
-def _sentence(decision: Decision) -> str:
-    text = decision_in_words(decision)
-    return f"{text[0].upper()}{text[1:]}."

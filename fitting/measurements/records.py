@@ -73,12 +73,6 @@ class Measured:
         """Standard deviation of its rows; zero where unknown."""
         return float(self.sigma / self.largest)
 
-    @property
-    def estimated_noise(self) -> float:
-        """Standard deviation of a datum over the largest one, from the scatter of all."""
-        largest = float(np.max(np.abs(self.y), initial=0.0))
-        return white_noise(self.y) / largest if largest > 0.0 else 0.0
-
     def rows_of(self, values: Values) -> FloatArray:
         """Rows of a difference from the data over the largest: real parts, then imaginary ones.
 
@@ -255,11 +249,11 @@ class Together(Measurement, Generic[R]):
     @property
     def datum_noise(self) -> float:
         """Relative standard deviation of its least noisy datum, stated or estimated; else zero."""
-        stated = least_noise(self.sigma, self.measured_rows)
-        observed = [
-            noise for x in self.records if not stated and (noise := x.estimated_noise) > 0.0
-        ]
-        return stated or min(observed, default=0.0)
+        if stated := least_noise(self.sigma, self.measured_rows):
+            return stated
+        # by the scatter of the values
+        pairs = ((white_noise(x.y), float(np.max(np.abs(x.y), initial=0.0))) for x in self.records)
+        return min((noise / most for noise, most in pairs if min(noise, most) > 0.0), default=0.0)
 
     @property
     def solved_inside(self) -> int:

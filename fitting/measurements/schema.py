@@ -33,17 +33,14 @@ def campaign_schema(kinds: Sequence[type[MeasurementTable]] = KINDS) -> str:
     """
     schema = json_schema(WrittenCampaign, title="Campaign of fmu-fit")
     for kind in kinds:
-        table = json_schema(kind, description=_first_paragraph(kind))
+        first = (inspect.getdoc(kind) or "").partition("\n\n")[0]
+        table = json_schema(kind, description=" ".join(first.split()))
         table.pop("$schema")
         if kind.REPEATED:
             stated = table.pop("description")
             table = {"type": "array", "minItems": 1, "items": table, "description": stated}
         schema["properties"][kind.TABLE] = table
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
-
-
-def _first_paragraph(kind: type[MeasurementTable]) -> str:
-    return " ".join((inspect.getdoc(kind) or "").partition("\n\n")[0].split())
 
 
 if __name__ == "__main__":

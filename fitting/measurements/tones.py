@@ -90,8 +90,9 @@ class Tones(Measurement):
 
     @cached_property
     def sigma(self) -> FloatArray:
-        """Relative standard deviation of every peak, (rows,); zero where unknown."""
-        return np.nan_to_num(self.sigmas_v / self.peaks_v, nan=0.0)
+        """Relative standard deviation of every peak, or quadrature, (rows,); zero where unknown."""
+        relative = np.nan_to_num(self.sigmas_v / self.peaks_v, nan=0.0)
+        return np.tile(relative, 2 if self.has_phases else 1)
 
     @cached_property
     def measured_rows(self) -> FloatArray:
@@ -388,12 +389,6 @@ class ComplexTones(Tones):
             group += int(e.restarted and k > 0)
             result.append(np.full(len(e.read_hz), group))
         return np.concatenate(result).astype(np.intp)
-
-    @cached_property
-    def sigma(self) -> FloatArray:
-        """Relative standard deviation of each quadrature, (rows,); zero where unknown."""
-        own = np.nan_to_num(self.sigmas_v / self.peaks_v, nan=0.0)
-        return np.concatenate([own, own])
 
     @cached_property
     def measured_rows(self) -> FloatArray:

@@ -73,7 +73,13 @@ from fitting.measurements.time_record import (
 )
 from fitting.measurements.waveform import INTERPOLATIONS, LINEAR, Chirp, Pulse, Recorded, Waveform
 from fitting.signal.least_squares import damped_step
-from fitting.signal.rotating import SENSED, Reference, reference, rotating_responses
+from fitting.signal.rotating import (
+    SENSED,
+    Reference,
+    reference,
+    rotating_responses,
+    shifted_basis,
+)
 from fitting.signal.roughness import Scatter, rician, scatter_of
 from fitting.signal.time_grid import spacing_s
 from fitting.signal.window import Window
@@ -356,12 +362,7 @@ class Trace(TimeRecord):
         Args:
             decay: response to a pulse, as long as `pulse_window`.
         """
-        n = self.y.size
-        moved = np.stack([decay[k : k + n] for k in self.shifts], axis=1)
-        sizes = np.linalg.norm(moved, axis=0)
-        left, singular, _ = np.linalg.svd(
-            moved / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False
-        )
+        left, singular = shifted_basis(decay, self.shifts, self.y.size)
         basis = np.array(left[:, : self.states])
         basis[:, singular[: self.states] <= ROUNDING * singular[0]] = 0.0
         return basis
@@ -938,12 +939,6 @@ class DemodulatedTrace(TimeRecord):
         step_s = self.run_step_s
         return Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=self.run_samples)
 
-    @property
-    def sensing_window(self) -> Window:
-        """Samples of a second response, which determines what turns forwards."""
-        step_s = self.reference.sensing_step_s
-        return Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=SENSED)
-
     def ask(
         self,
         values: Mapping[str, Scalar],
@@ -953,7 +948,9 @@ class DemodulatedTrace(TimeRecord):
         owner: int,
     ) -> RequestedRuns:
         """Numbers of the runs after a pulse: as the record is sampled, and a little slower."""
-        window = self.sensing_window
+        # of a second response, which determines what turns forwards
+        step_s = self.reference.sensing_step_s
+        window = Window(tones_hz=(), settle_s=step_s, step_s=step_s, samples=SENSED)
         sensing = self.pulse(1 if plan is None else plan.per_sample, window=window)
         return RequestedRuns(
             decay=ask_decay(self, values, plan, batch, output, owner),

@@ -154,13 +154,29 @@ def _propagated(
     decay: FloatArray, shifts: IntArray, rows: int, count: int
 ) -> tuple[FloatArray, FloatArray]:
     """A basis (rows, r) of a response shifted against itself, and F (r, r) from row to row."""
-    moved = np.stack([decay[k : k + rows] for k in shifts], axis=1)
+    left, singular = shifted_basis(decay, shifts, rows)
+    basis = left[:, : _states(singular, 2 * count)]
+    return basis, np.asarray(lstsq(basis[:-1], basis[1:])[0])
+
+
+def shifted_basis(
+    response: FloatArray, shifts: IntArray, rows: int
+) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal columns (rows, m) that span a response shifted against itself, singular values.
+
+    Each shift counts alike, however large the response is behind it.
+
+    Args:
+        response: as long as the rows and all shifts.
+        shifts: in samples, (m,).
+        rows: how many.
+    """
+    moved = np.stack([response[k : k + rows] for k in shifts], axis=1)
     sizes = np.linalg.norm(moved, axis=0)
     left, singular, _ = np.linalg.svd(
         moved / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False
     )
-    basis = left[:, : _states(singular, 2 * count)]
-    return basis, np.asarray(lstsq(basis[:-1], basis[1:])[0])
+    return left, singular
 
 
 def _states(singular: FloatArray, least: int) -> int:

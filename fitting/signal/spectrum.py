@@ -144,7 +144,8 @@ def plan_band(
     elif len(tones) == 1:
         window = period * max(PERIODS[0], math.floor(min(PERIODS[1], longest_s / period)))
     else:
-        window = period * math.ceil(BEATS / _closest(tones) / period)
+        closest = min(b - a for a, b in pairwise(sorted(map(exact, tones))))
+        window = period * math.ceil(BEATS / closest / period)
     if len(tones) > 1 and window > longest_s:
         return None
     halves = [int(2 * exact(tone) * window) for tone in tones]
@@ -195,11 +196,6 @@ def _mixtures(cycles: list[int]) -> set[int]:
     factors = mixed_lines(len(cycles), ANY_ORDER) if len(cycles) <= MOST_MIXED else ()
     mixed = (ks for ks in factors if sum(map(abs, ks)) > 1)
     return {abs(sum(k * c for k, c in zip(ks, cycles, strict=True))) for ks in mixed} - set(cycles)
-
-
-def _closest(tones: tuple[float, ...]) -> Fraction:
-    ordered = sorted(exact(tone) for tone in tones)
-    return min(b - a for a, b in pairwise(ordered))
 
 
 def _candidates(halves: list[int]) -> list[int]:
