@@ -27,7 +27,7 @@ from fitting.extension.drawing import (
 )
 from fitting.extension.report import Figure as Described
 from fitting.extension.report import phrase
-from fitting.text.notation import mathtext, on_log_axis, prefixed, with_unit
+from fitting.text.notation import on_log_axis, prefixed, sign, with_unit
 
 
 def save_figures(design: Design, folder: Path) -> list[Described]:
@@ -94,7 +94,7 @@ def expected_errors(design: Design, *, ax: Axes | None = None) -> Axes:
         middle = math.sqrt(low * high)
         axes.set_ylim(middle / 4.0, middle * 4.0)
         axes.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
-    axes.set_ylabel(with_unit(f"σ({mathtext(design.target)})", unit))
+    axes.set_ylabel(with_unit(f"σ({sign(design.target)})", unit))
     axes.set_xticks(
         count, ["so far", *(phrase("design/text", "tick", p) for p in design.proposals)]
     )
@@ -137,7 +137,7 @@ def candidates(design: Design, *, ax: Axes | None = None) -> Axes:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: on_log_axis(float(value))))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_yticks(range(len(kinds)), [phrase("design/text", "kind", k) for k in kinds])
-    what = f"expected σ({mathtext(design.target)}), average over equal fits"
+    what = f"expected σ({sign(design.target)}), average over equal fits"
     axes.set_xlabel(with_unit(what, unit))
     return axes
 

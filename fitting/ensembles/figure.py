@@ -21,7 +21,7 @@ from fitting.extension.drawing import (
     style,
 )
 from fitting.extension.report import Figure as Described
-from fitting.text.notation import mathtext
+from fitting.text.notation import sign
 
 #: Level, its place above or below the line of a value, colour and marker.
 LEVELS = ((0.68, -0.14, BLUE, "o"), (0.95, 0.14, RED, "s"))
@@ -54,7 +54,7 @@ def draw(ensemble: Ensemble) -> Described:
     left, right = figure.subplots(1, 2, sharey=True)
     _draw_pulls(left, values)
     _draw_shares(right, values)
-    left.set_yticks(range(len(values)), [mathtext(c.name) for c in values])
+    left.set_yticks(range(len(values)), [sign(c.name) for c in values])
     left.set_ylim(len(values) - 0.5, -0.5)
     legend_below(figure, _handles(), ncols=3)
     return replace(words, drawn=figure, number=1)

@@ -26,7 +26,7 @@ from fitting.extension.drawing import (
 from fitting.extension.report import Figure
 from fitting.posterior.summary import PosteriorSummary
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import mathtext, scaling_for
+from fitting.text.notation import scaling_for, sign
 
 #: Values that are drawn at most: more panels than these show nothing any more.
 MOST = 7
@@ -66,7 +66,7 @@ def draw(summary: PosteriorSummary, draws: FloatArray) -> Figure:
     scales = [scaling_for(c.tolist(), values[n].unit) for n, c in zip(shown, table.T, strict=True)]
     columns = [(c - s.offset) / s.factor for c, s in zip(table.T, scales, strict=True)]
 
-    # label, colour, sign, dashes and values of what is marked, what matters most last
+    # label, colour, marker, dashes and values of what is marked, what matters most last
     first, *others = (mode.parameters for mode in summary.modes)
     marks = [("other minima", ORANGE, "D", ":", place) for place in others]
     marks.append(("most likely minimum", RED, "*", "-", first))
@@ -90,21 +90,21 @@ def draw(summary: PosteriorSummary, draws: FloatArray) -> Figure:
             middles = [0.5 * (e[1:] + e[:-1]) for e in ends]
             axes.contour(*middles, counts.T, levels=np.unique(levels), colors=[BLUE])
             axes.set_ylim(np.min(y), np.max(y))
-        for _, colour, sign, dashes, place in marks:
+        for _, colour, marker, dashes, place in marks:
             across, up = (scales[j](place[shown[j]]) for j in (k, i))
             if k == i:
                 axes.axvline(across, color=colour, ls=dashes, lw=1.0)
             else:
-                axes.plot(across, up, sign, color=colour, ms=6.0, mec="white", mew=0.5)
+                axes.plot(across, up, marker, color=colour, ms=6.0, mec="white", mew=0.5)
         axes.set_xlim(np.min(x), np.max(x))
         plain_ticks(axes, x=3, y=3)
-        axes.set_xlabel(scales[k].label(mathtext(shown[k])) if i == count - 1 else "")
-        axes.set_ylabel(scales[i].label(mathtext(shown[i])) if k == 0 < i else "")
+        axes.set_xlabel(scales[k].label(sign(shown[k])) if i == count - 1 else "")
+        axes.set_ylabel(scales[i].label(sign(shown[i])) if k == 0 < i else "")
         axes.tick_params(labelleft=k == 0 < i, left=k < i)
 
     handles = [Line2D([], [], color=BLUE, label="outlines of 68 % and 95 % of the draws")]
-    looks = {label: (colour, sign) for label, colour, sign, *_ in marks}
-    for label, (colour, sign) in looks.items():
-        handles.append(Line2D([], [], ls="none", marker=sign, color=colour, label=label))
+    looks = {label: (colour, marker) for label, colour, marker, *_ in marks}
+    for label, (colour, marker) in looks.items():
+        handles.append(Line2D([], [], ls="none", marker=marker, color=colour, label=label))
     legend_below(figure, handles, ncols=4)
     return replace(words, drawn=figure, number=1)

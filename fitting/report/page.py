@@ -20,7 +20,7 @@ from fitting.text.results_folder import write_whole
 
 NAME = "report.html"
 #: Bytes of a figure's numbers that the page holds; of longer ones it names the file.
-LONGEST = 150_000
+LONGEST = 60_000
 #: Characters of a page up to which figures are made interactive.
 MOST = 4_800_000
 #: Of most pages.

@@ -3,32 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Protocol
 
+from fitting.inference.likelihood.knowledge import Values
 from fitting.text.estimate import FittedEstimate, OutputEstimate
 
 #: Values, and ends of intervals over their width, that are as near are the same.
 SAME, SAME_END = 1e-9, 0.02
 
 
-class Valued(Protocol):
-    """What has values: a result, or what was inferred of a fit."""
-
-    @property
-    def parameters(self) -> Mapping[str, FittedEstimate]:
-        """Fitted parameters by name."""
-
-    @property
-    def derived(self) -> Mapping[str, OutputEstimate]:
-        """Derived outputs by name."""
-
-    @property
-    def offsets(self) -> tuple[FittedEstimate, ...]:
-        """Values of single experiments."""
-
-
-def same_values(result: Valued) -> dict[str, str]:
+def same_values(result: Values) -> dict[str, str]:
     """Outputs that are a parameter, or an earlier output, under another name, with that name.
 
     One mode's eigenfrequency is such an output, and the frequencies of two equal circuits are:

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from fitting.inference.likelihood.knowledge import Scan
-from fitting.report.same_values import Valued, same_values
+from fitting.inference.likelihood.knowledge import Scan, Values
+from fitting.report.same_values import same_values
 from fitting.report.screen import phrase
 from fitting.report.table import Cell, numeric
 from fitting.simulate.budget import Decision
@@ -203,7 +203,7 @@ def third_digit(value: float, std: float) -> Cell:
 # --- estimates -----------------------------------------------------------------------------------
 
 
-def values(result: Valued) -> list[tuple[str, int, FittedEstimate, str]]:
+def values(result: Values) -> list[tuple[str, int, FittedEstimate, str]]:
     """Every value: name, digits without an error, estimate, the other name of the same number.
 
     Args:
@@ -309,7 +309,7 @@ def at_place(e: OutputEstimate, k: int) -> Cell:
     return Cell(with_error(e.values[k], e.stds[k], ""), e.values[k]) if known else DASH
 
 
-def per_experiment(result: Valued, count: int) -> list[OutputEstimate]:
+def per_experiment(result: Values, count: int) -> list[OutputEstimate]:
     """Outputs that have a value in each of so many experiments.
 
     Args:
@@ -320,7 +320,7 @@ def per_experiment(result: Valued, count: int) -> list[OutputEstimate]:
     return [e for e in outputs if len(e.values) == count and e.status is not Verdict.WITHDRAWN]
 
 
-def per_place(result: Valued) -> list[OutputEstimate]:
+def per_place(result: Values) -> list[OutputEstimate]:
     """Outputs that have a value with an error at some place.
 
     Args:
@@ -329,7 +329,7 @@ def per_place(result: Valued) -> list[OutputEstimate]:
     return [e for e in result.derived.values() if any(map(math.isfinite, e.stds))]
 
 
-def alone(part: Any, result: Valued, name: str) -> str:
+def alone(part: Any, result: Values, name: str) -> str:
     """A value by one campaign of several; a dash where its data do not determine it.
 
     Args:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 from fitting.fit.alternative import AlternativeResult
 from fitting.fit.path import HistoryRow
@@ -113,20 +112,6 @@ class Provenance:
     notes: tuple[str, ...] = ()
     start_values: Mapping[str, Scalar] = field(default_factory=dict)
     fmu_tool: str = ""
-
-
-class Compared(Protocol):
-    """What a result states of its peaks next to the model's, which no inference changes."""
-
-    @property
-    def peaks(self) -> tuple[Peak, ...]:
-        """Measured and simulated amplitudes, a peak each."""
-        ...
-
-    @property
-    def deviations(self) -> Deviations:
-        """Relative deviations of the peaks, before and after."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)

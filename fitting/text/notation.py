@@ -91,28 +91,6 @@ def _greek(word: str) -> str | None:
         return None
 
 
-def mathtext(name: str) -> str:
-    """A name as matplotlib sets it: a symbol in italics with its index, or the plain name.
-
-    Args:
-        name: of a quantity.
-    """
-    parts = symbol(name)
-    if parts is None:
-        return name.replace("$", r"\$")
-    letter, index = parts
-    return f"${letter}_{{\\mathrm{{{index}}}}}$" if index else f"${letter}$"
-
-
-def mean_of(name: str) -> str:
-    """The mean over the experiments, as matplotlib sets it.
-
-    Args:
-        name: of a quantity.
-    """
-    return f"⟨{mathtext(name)}⟩"
-
-
 def markup(name: str) -> str:
     """A name as HTML (escaped), spelled as campaigns and commands spell it.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 import math
 import re
@@ -17,7 +16,6 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.image import imread
 from matplotlib.lines import Line2D
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
@@ -69,8 +67,7 @@ def all_of(result: Result, data: ShownCampaign) -> list[Draw]:
     """Everything that is drawn of a reconstruction."""
     spectra = [draw_spectra] if data.tones else []
     names = {figure.name for figure in planned_figures(result, data).values()}
-    draws = {**reconstruction.OF_PEAKS, "convergence": draw_convergence}
-    draws["derived_per_experiment"] = draw_derived
+    draws = reconstruction.DRAWS
     return [*(draws[name] for name in draws if name in names), *spectra, draw_response]
 
 
@@ -129,26 +126,30 @@ def test_a_figure_is_known_by_its_name_before_it_is_drawn(
         assert drawing.stem.startswith(f"{number}_{figure.name}")
 
 
-def test_the_layout_is_that_of_matplotlib(tmp_path: Path) -> None:
-    """Its own way to save finds the same pixels; a map has a bar beside its panel."""
+def test_panels_title_and_legend_keep_apart(tmp_path: Path) -> None:
+    """A map has a bar beside its panel, a legend many rows, a figure for print a mark as title."""
     x, y = np.repeat([0.0, 1.0, 5.0], 4), np.tile([1.0, 2.0, 4.0, 8.0], 3)
     layer = Layer(Role.MEASURED, Form.MAP, x, y, z=np.arange(12.0) ** 2)
-    shown = Panel(x=Axis("gate"), y=Axis("f"), z=Axis("height"), layers=(layer,))
-    with style():
-        made = []
-        for _ in range(2):
-            figure = plots_style.new_figure("map", "campaign", synthetic=True, height=3.0)
-            axes = figure.subplots(1, 2)
-            plot.panel(shown, ax=axes[0])
-            axes[1].plot([1.0, 2.0], [1e6, 2e6], label="line")
-            plots_style.legend_below(figure, plots_style.handles_of(axes[1]), ncols=2)
-            made.append(figure)
-        drawing = Described(name="map", title="", caption="", alt="", drawn=made[0])
-        saved = save(drawing, tmp_path, formats=("png",))
-        own = io.BytesIO()
-        made[1].savefig(own, format="png", dpi=plots_style.PNG_DPI)
-    own.seek(0)
-    np.testing.assert_array_equal(imread(saved.file("png")), imread(own))
+    shown = Panel(x=Axis("gate"), y=Axis("f"), z=Axis("height"), layers=(layer,), title="a map")
+    for width in (0.0, 7.0):
+        with style(paper_width=width):
+            figure = plots_style.new_figure("map", "campaign", synthetic=True, height=6.0)
+            axes = list(figure.subplots(3, 2).flat)
+            for panel in axes:
+                plot.panel(shown, ax=panel)
+            lines = [Line2D([], [], label=f"{k}: a line of the legend") for k in range(12)]
+            plots_style.legend_below(figure, lines, ncols=2)
+            drawing = Described(name="map", title="", caption="", alt="", drawn=figure)
+            save(drawing, tmp_path, formats=("png",))
+        bars = [m.colorbar.ax for panel in axes for m in panel.collections if m.colorbar]
+        boxes = [panel.get_tightbbox() for panel in (*axes, *bars)]
+        title = next(t for t in figure.findobj(Text) if t.get_text() == figure.get_suptitle())
+        boxes += [title.get_window_extent(), figure.legends[0].get_window_extent()]
+        for one, other in itertools.combinations(boxes, 2):
+            assert not one.overlaps(other)
+        for box in boxes:
+            assert 0.0 <= box.x0 < box.x1 <= figure.bbox.x1
+            assert 0.0 <= box.y0 < box.y1 <= figure.bbox.y1
 
 
 KEPT: dict[tuple[Draw, int, int], tuple[Figure, Result, ShownCampaign]] = {}
@@ -161,6 +162,7 @@ def drawn(draw: Draw, result: Result, data: ShownCampaign) -> Figure:
         with style():
             figure = draw(result, data).drawn
             FigureCanvasAgg(figure)
+            plots_style.lay_out(figure)
             figure.draw_without_rendering()
         KEPT[key] = (figure, result, data)  # the records too: an id is theirs while they live
     return KEPT[key][0]
@@ -417,7 +419,7 @@ def test_no_small_error_where_the_data_give_none(result: Result, data: ShownCamp
     coupling = next(title for title in titles if "λ" in title)
     assert "unconstrained" in coupling
     assert "±" not in coupling
-    assert "599.1\u00a0±\u00a01.9" in next(title for title in titles if "D_" in title)
+    assert "599.1\u00a0±\u00a01.9" in next(title for title in titles if "D₁₁" in title)
 
 
 def test_convergence_has_a_panel_per_quantity_and_the_objective(
@@ -479,8 +481,8 @@ def test_parameters_of_one_unit_share_a_panel_of_corrections(data: ShownCampaign
     both = replace(result, parameters={**result.parameters, "d2": second}, history=rows)
     axes = drawn(draw_convergence, both, data).axes[1]
     ends = {line.get_label(): ys(line)[-1] for line in axes.get_lines()}
-    assert ends["$d_{\\mathrm{1}}$"] == pytest.approx(93.424576 - 94.0)
-    assert ends["$d_{\\mathrm{2}}$"] == pytest.approx(98.424576 - 100.0)
+    assert ends["d₁"] == pytest.approx(93.424576 - 94.0)
+    assert ends["d₂"] == pytest.approx(98.424576 - 100.0)
 
 
 def test_every_level_has_a_tick_of_its_own(result: Result, data: ShownCampaign) -> None:

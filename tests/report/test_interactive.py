@@ -21,13 +21,12 @@ from matplotlib.figure import Figure as Canvas
 
 from fitting.api.jobs import check_style
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
-from fitting.report.figures.data import bare, figure_csv
+from fitting.report.figures.data import figure_csv
 from fitting.report.figures.reconstruction import numbered
 from fitting.report.figures.style import Planned
 from fitting.report.interactive import document, library
 from fitting.report.reconstruction import write_report
 from fitting.text.errors import BadInput
-from fitting.text.notation import mathtext
 from tests.support import plots as plot
 from tests.support import report_records as records
 
@@ -153,9 +152,6 @@ def test_legends_switch_what_they_name(page: Any) -> None:
 
 
 def test_indices_stand_low_without_signs_of_mathematics(page: Any) -> None:
-    assert bare("$\\eta_{\\mathrm{+}}$ − 2 (Hz)".replace("\\eta", "η")) == "η₊ − 2 (Hz)"
-    assert bare(mathtext("D11")) == "D₁₁"
-    assert bare(r"$J_{\mathrm{fit}}$") == "J_fit"
     for figure in page.iter("figure"):
         live = json.loads(unpacked(page, f"live-{figure.get('data-number')}"))
         for model in objects(live["doc"]):

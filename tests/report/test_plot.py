@@ -42,16 +42,16 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
     "amplitude_spectrum": (
         lambda ax: plot.amplitude_spectrum(DRIVE, "q1", unit="V", ax=ax),
         "frequency − 6.94025 MHz (Hz)",
-        "amplitude of $q_{\\mathrm{1}}$ (µV, peak)",
+        "amplitude of q₁ (µV, peak)",
     ),
     "beating": (
         lambda ax: plot.beating(DRIVE, "q1", unit="V", ax=ax),
         "time − 0 s (ms)",
-        "$q_{\\mathrm{1}}$ (µV)",
+        "q₁ (µV)",
     ),
     "candidates": (
         lambda ax: plot.candidates(DESIGN, ax=ax),
-        "expected σ($λ$), average over equal fits (kHz)",
+        "expected σ(λ), average over equal fits (kHz)",
         "",
     ),
     "deviations": (
@@ -82,7 +82,7 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
     "expected_errors": (
         lambda ax: plot.expected_errors(DESIGN, ax=ax),
         "measured one after the other",
-        "σ($λ$) (kHz)",
+        "σ(λ) (kHz)",
     ),
     "frequency_response": (
         lambda ax: plot.frequency_response(SWEEP, resonance=RESONANCE, ax=ax),
@@ -102,18 +102,18 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
     ),
     "output": (
         lambda ax: plot.output(KNOWN, "lambda", "d1", ax=ax),
-        "$d_{\\mathrm{1}}$ (kHz)",
-        "$λ$ (kHz)",
+        "d₁ (kHz)",
+        "λ (kHz)",
     ),
     "output_by_experiment": (
         lambda ax: plot.output_by_experiment(RESULT, "D11", DATA.labels, ax=ax),
         "",
-        "$D_{\\mathrm{11}}$ (1/s)",
+        "D₁₁ (1/s)",
     ),
     "output_path": (
         lambda ax: plot.output_path(RESULT, "D11", ax=ax),
         "ν",
-        "⟨$D_{\\mathrm{11}}$⟩ (1/s)",
+        "⟨D₁₁⟩ (1/s)",
     ),
     "panel": (
         lambda ax: plot.panel(SPECTRA.rows[1][0], ax=ax),
@@ -123,16 +123,16 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
     "parameter_path": (
         lambda ax: plot.parameter_path(RESULT, "d1", ax=ax),
         "ν",
-        "$d_{\\mathrm{1}}$ − 93.7 Hz (mHz)",
+        "d₁ − 93.7 Hz (mHz)",
     ),
     "periods": (
         lambda ax: plot.periods(DRIVE, "q1", unit="V", ax=ax),
         "time − 0 s (ns)",
-        "$q_{\\mathrm{1}}$ (µV)",
+        "q₁ (µV)",
     ),
     "profile": (
         lambda ax: plot.profile(*plot_records.profile(), ax=ax),
-        "$d_{\\mathrm{1}}$ (Hz)",
+        "d₁ (Hz)",
         "Δχ²",
     ),
     "residuals": (
@@ -142,13 +142,13 @@ PLOTS: dict[str, tuple[Draw, str, str]] = {
     ),
     "swept_tone": (
         lambda ax: plot.swept_tone(FRF, unit="V", ax=ax),
-        "frequency $u_{\\mathrm{1}}$ − 6.94030 MHz (Hz)",
+        "frequency u₁ − 6.94030 MHz (Hz)",
         "amplitude (µV, peak)",
     ),
     "together": (
         lambda ax: plot.together(KNOWN, "d1", "d2", ax=ax),
-        "$d_{\\mathrm{1}}$ (kHz)",
-        "$d_{\\mathrm{2}}$ (kHz)",
+        "d₁ (kHz)",
+        "d₂ (kHz)",
     ),
 }
 
@@ -240,7 +240,7 @@ def test_a_profile_shows_its_interval_and_thresholds(axes: Axes) -> None:
     (band,) = axes.patches
     extent = band.get_extents().transformed(axes.transData.inverted())
     assert (extent.x0, extent.x1) == pytest.approx((89.1, 98.9))
-    assert axes.get_title(loc="left") == "$d_{\\mathrm{1}}$: determined"
+    assert axes.get_title(loc="left") == "d₁: determined"
 
 
 def test_points_that_fit_are_told_from_those_that_do_not(axes: Axes) -> None:

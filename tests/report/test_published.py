@@ -44,7 +44,7 @@ def test_the_points_of_a_figure_are_written_as_they_are_drawn() -> None:
     figure = Figure()
     upper, lower = figure.subplots(2, 1, sharex=True)
     x = np.linspace(0.1, 0.7, 4)
-    upper.plot(x, x**2, label=r"$\lambda_{\mathrm{1}}$ squared")
+    upper.plot(x, x**2, label="λ₁ squared")
     upper.axhline(1.0)
     upper.set(ylabel="amplitude (V)", title="a panel")
     lower.scatter(x, -x, label="points")
@@ -53,9 +53,7 @@ def test_the_points_of_a_figure_are_written_as_they_are_drawn() -> None:
     head, *rows = csv.reader(io.StringIO(figure_csv(figure)))
     assert tuple(head) == HEADS
     own = [row for row in rows if row[0] == "a panel"]
-    assert {tuple(row[1:4]) for row in own} == {
-        ("lambda₁ squared", "frequency (Hz)", "amplitude (V)")
-    }
+    assert {tuple(row[1:4]) for row in own} == {("λ₁ squared", "frequency (Hz)", "amplitude (V)")}
     assert [(float(row[4]), float(row[5])) for row in own] == [(v, v**2) for v in x]
     rest = [(row[1], float(row[4]), float(row[5])) for row in rows if row[0] == "2"]
     assert rest == [*(("points", v, -v) for v in x), ("bar", 0.2, 0.0), ("bar", 0.2, 3.0)]
@@ -102,7 +100,7 @@ def test_figures_for_print_have_their_width_and_no_title(
             draw_measurement(records.spectra(data, result), data),
         ]
         written = save_pdf(drawings, tmp_path, width)
-        assert [d.drawn.get_suptitle() for d in drawings] == ["", ""]
+        assert {d.drawn.get_suptitle() for d in drawings} == {"SYNTHETIC DATA"}
     # panels beside each other do not fit one column
     count = 1 if width == ONE_COLUMN else 2
     assert len(written) == count

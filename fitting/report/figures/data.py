@@ -14,7 +14,6 @@ from matplotlib.collections import LineCollection, PathCollection, QuadMesh
 from matplotlib.figure import Figure
 
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import index
 from fitting.text.tables import csv_text
 
 #: Where the values of cells were taken, (n, 2): a mesh itself knows their edges alone.
@@ -22,9 +21,8 @@ PLACES: WeakKeyDictionary[QuadMesh, FloatArray] = WeakKeyDictionary()
 HEADS = ("panel", "series", "along x", "along y", "x", "y")
 #: Further columns of a figure with a map: what its colours stand for.
 MAP_HEADS = ("colours", "value")
-#: What matplotlib's mathematics adds to a name.
-_MARKUP = re.compile(r"\\mathrm|[${}\\]")
-_INDEX = re.compile(r"_\{\\mathrm\{([^{}]*)\}\}")
+#: What BokehJS would load MathJax for.
+_MATHEMATICS = re.compile(r"[$\\]")
 
 
 @dataclass(frozen=True)
@@ -142,9 +140,9 @@ def _label(label: object) -> str:
 
 
 def bare(text: str) -> str:
-    """A label without the marks of mathematics, on one line: d₁ for what is set as its symbol.
+    """A label on one line, without signs that other programs read as those of mathematics.
 
     Args:
         text: as matplotlib sets it.
     """
-    return " ".join(_MARKUP.sub("", _INDEX.sub(lambda result: index(result[1]), text)).split())
+    return " ".join(_MATHEMATICS.sub("", text).split())

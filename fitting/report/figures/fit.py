@@ -31,13 +31,12 @@ from fitting.report.shown import ShownCampaign
 from fitting.result.result import Result
 from fitting.text.estimate import FittedEstimate, Verdict
 from fitting.text.notation import (
-    mathtext,
-    mean_of,
     number,
     on_log_axis,
     prefixed,
     range_words,
     scaling_for,
+    sign,
     unit_text,
 )
 
@@ -161,11 +160,11 @@ def parameter_path(result: Result, *names: str, ax: Axes | None = None) -> Axes:
     alone = len(names) == 1
     origins = {name: 0.0 if alone else parameters[name].reference for name in names}
     curves = {
-        mathtext(name): [row.parameters[name] - origins[name] for row in result.history]
+        sign(name): [row.parameters[name] - origins[name] for row in result.history]
         for name in names
     }
     reference = parameters[names[0]].reference if alone else 0.0
-    what = mathtext(names[0]) if alone else "correction $p$ − $p_{\\mathrm{ref}}$"
+    what = sign(names[0]) if alone else "correction p − p_ref"
     _level_curves(axes, curves, reference, parameters[names[0]].unit, what)
     _nu_axis(axes, result)
     return axes
@@ -180,7 +179,7 @@ def output_path(result: Result, name: str, *, ax: Axes | None = None) -> Axes:
         ax: where to draw; pyplot's current axes if not given.
     """
     axes, derived = axes_of(ax), result.derived[name]
-    what = mean_of(name) if len(derived.values) > 1 else mathtext(name)
+    what = f"⟨{sign(name)}⟩" if len(derived.values) > 1 else sign(name)
     curve = [row.derived.get(name, math.nan) for row in result.history]
     _level_curves(axes, {what: curve}, derived.reference, derived.unit, what)
     _nu_axis(axes, result)
@@ -196,8 +195,8 @@ def objective_path(result: Result, *, ax: Axes | None = None) -> Axes:
     """
     axes = axes_of(ax)
     for values, label, colour, marker, dash in (
-        ([row.j_fit for row in result.history], r"$J_{\mathrm{fit}}$", ink(), "o", "-"),
-        ([row.j_reg for row in result.history], r"$J_{\mathrm{reg}}$", AFTER, "s", "--"),
+        ([row.j_fit for row in result.history], "J_fit", ink(), "o", "-"),
+        ([row.j_reg for row in result.history], "J_reg", AFTER, "s", "--"),
     ):
         known = [(k, v) for k, v in enumerate(values) if math.isfinite(v) and v > 0.0]
         if known:
@@ -243,9 +242,9 @@ def output_by_experiment(
     plain_ticks(axes)
     label_experiments(axes, labels or [str(i + 1) for i in range(len(derived.values))])
     _room_around(axes, [scaling(v) for v in finite])
-    axes.set_ylabel(scaling.label(mathtext(name)))
+    axes.set_ylabel(scaling.label(sign(name)))
     sure = derived.status.has_value
-    first, second = mean_of(name) if sure else mathtext(name), _short_words(derived)
+    first, second = f"⟨{sign(name)}⟩" if sure else sign(name), _short_words(derived)
     colour = ink() if sure else AFTER
     axes.set_title(f"{first}{second}", fontsize="small", loc="left", color=colour)
     return axes

@@ -35,7 +35,7 @@ from fitting.report.figures.style import (
 )
 from fitting.report.screen import phrase
 from fitting.text.estimate import FittedEstimate, Interval, Verdict
-from fitting.text.notation import mathtext, on_log_axis, scaling_for
+from fitting.text.notation import on_log_axis, scaling_for, sign
 
 PROFILES, TOGETHER, OUTPUTS, NU = "profiles", "together", "outputs", "nu"
 PER_ROW = 3
@@ -271,7 +271,7 @@ def profile(result: FittedEstimate, scan: Scan, *, ax: Axes | None = None) -> Ax
     colour = VERDICT_COLOURS.get(result.status, GREY)
     # what it holds under would not fit beside the next title: tables and sentences tell it
     axes.set_title(
-        f"{mathtext(result.name)}: {result.status}", color=colour, loc="left", fontsize="small"
+        f"{sign(result.name)}: {result.status}", color=colour, loc="left", fontsize="small"
     )
     axes.set_ylim(-0.35, HIGHEST)
     axes.set_ylabel("Δχ²")
@@ -295,7 +295,7 @@ def profile(result: FittedEstimate, scan: Scan, *, ax: Axes | None = None) -> Ax
         linewidth=1,
         label="profile",
     )
-    axes.set_xlabel(scaling.label(mathtext(result.name)))
+    axes.set_xlabel(scaling.label(sign(result.name)))
     plain_ticks(axes, x=3)
     axes.set_yticks([0.0, AT_68, AT_95, HIGHEST], ["0", "1", "3.84", "8"])
     return axes
@@ -338,8 +338,8 @@ def together(result: Values, one: str, other: str, *, ax: Axes | None = None) ->
     if not known[other].is_all_round:
         _frame(axes, [up(v) for v in y], [up(v) for v in known[other].bounds], vertical=True)
     plain_ticks(axes, x=4)
-    axes.set_xlabel(across.label(mathtext(one)))
-    axes.set_ylabel(up.label(mathtext(other)))
+    axes.set_xlabel(across.label(sign(one)))
+    axes.set_ylabel(up.label(sign(other)))
     return axes
 
 
@@ -378,8 +378,8 @@ def output(result: Values, name: str, parameter: str, *, ax: Axes | None = None)
             label=label,
         )
     plain_ticks(axes, x=4)
-    axes.set_xlabel(across.label(mathtext(parameter)))
-    axes.set_ylabel(up.label(mathtext(name)))
+    axes.set_xlabel(across.label(sign(parameter)))
+    axes.set_ylabel(up.label(sign(name)))
     return axes
 
 
@@ -511,7 +511,7 @@ def against_prior(nu: NuChoice, *, ax: Axes | None = None) -> Axes:
             color=colour,
             marker=marker,
             markersize=3.5,
-            label=mathtext(name),
+            label=sign(name),
         )
     axes.axhline(0.0, color=GREY, linestyle="--", linewidth=1.0)
     axes.set_title("The result against the prior", loc="left")

@@ -17,7 +17,7 @@ from fitting.measurements.figure import Figure
 from fitting.report.figures.fit import CONVERGENCE, DERIVED, draw_convergence, draw_derived, varying
 from fitting.report.figures.inference import NU, OUTPUTS, PROFILES, TOGETHER, knowledge_figures
 from fitting.report.figures.measurements import draw_measurement
-from fitting.report.figures.style import Planned, save, style
+from fitting.report.figures.style import Planned, lay_out, save, style
 from fitting.report.figures.tones import (
     DRIVE,
     IMPROVEMENT,
@@ -40,12 +40,14 @@ FIRST = (PROFILES, TOGETHER, OUTPUTS, DRIVE, SPECTRA, PHASES, RESPONSE)
 LAST = (OVER_FREQUENCY, IMPROVEMENT, PER_EXPERIMENT, CONVERGENCE, NU, DERIVED)
 #: Of several figures of measurements these show least at once: any other goes first.
 SELDOM_LEADING = (SPECTRA, PHASES)
-#: Figures of peaks, with those of the model: no inference changes them.
-OF_PEAKS: dict[str, Callable[[Result, ShownCampaign], Figure]] = {
+#: What draws figures that no measurement describes, and no inference.
+DRAWS: dict[str, Callable[[Result, ShownCampaign], Figure]] = {
     DRIVE: draw_drive,
     OVER_FREQUENCY: draw_over_frequency,
     IMPROVEMENT: draw_improvement,
     PER_EXPERIMENT: draw_per_experiment,
+    CONVERGENCE: draw_convergence,
+    DERIVED: draw_derived,
 }
 #: Figures over frequency: of campaigns that were fitted together every one has its own.
 ALONG_FREQUENCY = (DRIVE, OVER_FREQUENCY, IMPROVEMENT)
@@ -135,6 +137,7 @@ def save_pdf(figures: Sequence[Figure], folder: Path, width: float) -> list[Path
         if width < TWO_COLUMNS and any(spec and spec.get_gridspec().ncols > 1 for spec in specs):
             continue
         path = folder / f"{figure.stem}_{width:g}in.pdf"
+        lay_out(figure.drawn)
         words = {"Title": figure.title, "Subject": figure.caption, "CreationDate": None}
         image = io.BytesIO()
         figure.drawn.savefig(image, format="pdf", metadata=words)
@@ -150,7 +153,6 @@ def planned_figures(result: Result, data: ShownCampaign) -> dict[str, Planned]:
         result: of a reconstruction.
         data: what is shown of the campaign.
     """
-    draws = {**OF_PEAKS, CONVERGENCE: draw_convergence, DERIVED: draw_derived}
     order = [DRIVE, OVER_FREQUENCY, IMPROVEMENT] if result.peaks else []
     order += [CONVERGENCE] if result.history else []
     order += [DERIVED] if result.peaks and varying(result) else []
@@ -158,37 +160,20 @@ def planned_figures(result: Result, data: ShownCampaign) -> dict[str, Planned]:
     parts = shares_of(result, data)
     planned = []
     for name in order:
-        own = [partial(draws[name], result, data)]
-        if parts and name in ALONG_FREQUENCY:  # campaigns may be far apart on that axis
-            own = [partial(_of_series, draws[name], *part) for part in parts]
-        planned += [Planned(name=name, draw=draw) for draw in own]
+        # campaigns may be far apart on that axis
+        own = parts if name in ALONG_FREQUENCY and parts else [("", result, data)]
+        for series, share, member in own:
+            draw = partial(DRAWS[name], share, member)
+            planned.append(Planned(name=name, draw=draw, series=series))
     planned += [Planned(name=f.name, draw=partial(draw_measurement, f, data)) for f in data.figures]
     if result.knowledge is not None:
         planned += knowledge_figures(result, data.title, synthetic=data.synthetic)
     # captions name numbers of the model, as the distance of its lines
     adequacy = result.ending.adequacy
     if adequacy is not None and not adequacy.gives_values:
-        words = phrase("figures", "withdrawn", adequacy)
-        planned = [replace(each, draw=partial(_withdrawn, each.draw, words)) for each in planned]
+        remark = phrase("figures", "withdrawn", adequacy)
+        planned = [replace(each, remark=remark) for each in planned]
     return numbered(planned, result, [figure.name for figure in data.figures])
-
-
-def _withdrawn(draw: Callable[[], Figure], words: str) -> Figure:
-    """A figure of a model without values: its caption prints that it has none."""
-    made = draw()
-    alt = f"{made.alt} {words}" if made.alt else ""
-    return replace(made, caption=f"{made.caption} {words}", alt=alt)
-
-
-def _of_series(
-    draw: Callable[[Result, ShownCampaign], Figure],
-    series: str,
-    share: Result,
-    member: ShownCampaign,
-) -> Figure:
-    """A figure of one campaign of several."""
-    drawn = draw(share, member)
-    return replace(drawn, series=series, title=f"{drawn.title}, {series}")
 
 
 def numbered(

@@ -37,7 +37,7 @@ from fitting.simulate.words import (
     spectrum_in_words,
 )
 from fitting.text.arrays import FloatArray
-from fitting.text.notation import listed, mathtext, number, power_of_ten, prefixed, scaling_for
+from fitting.text.notation import listed, number, power_of_ten, prefixed, scaling_for, sign
 
 #: Lines at combinations of the tones that are marked.
 MOST_MIXED = 4
@@ -169,7 +169,7 @@ Named = Sequence[tuple[str, MixedLine]]
 
 #: Beats of a drive that are shown, its periods in a close-up, points of a curve.
 BEATS, CARRIERS = 2.0, 8.0
-ENVELOPE_POINTS, CLOSE_UP_POINTS = 1500, 1200
+ENVELOPE_POINTS, CLOSE_UP_POINTS = 601, 401
 #: A trace of fewer periods than this is drawn as a line: its periods can be seen.
 MANY_PERIODS = 150
 #: Lines of a spectrum up to which each is drawn as a stem.
@@ -221,8 +221,8 @@ def drive_periods(
     factor, unit = prefixed(span, "s")
     axes.plot(time / factor, wave, color=SIMULATED, linewidth=1.0)
     envelope = _envelope(experiment, time)
-    for sign in (1.0, -1.0):
-        axes.plot(time / factor, sign * envelope, color=ink(), linewidth=0.9, linestyle="--")
+    for side in (1.0, -1.0):
+        axes.plot(time / factor, side * envelope, color=ink(), linewidth=0.9, linestyle="--")
     axes.set_xlabel(f"time t ({unit})")
     axes.set_ylabel("drive, in the FMU's unit")
     axes.set_xlim(0.0, span / factor)
@@ -306,7 +306,7 @@ def _values(axes: Axes, result: DriveResponse, trace: Trace, output: str, unit: 
     """Values of an output as drawn, the label of its axis set."""
     column = result.drive.outputs.index(output)
     factor, shown = prefixed(float(np.max(np.abs(result.carrier.values[:, column]))), unit)
-    axes.set_ylabel(f"{mathtext(output)} ({shown})" if shown else mathtext(output))
+    axes.set_ylabel(f"{sign(output)} ({shown})" if shown else sign(output))
     values: FloatArray = trace.values[:, column] / factor
     return values
 
@@ -373,7 +373,7 @@ def amplitude_spectrum(
     _amplitude_axis(axes, least, largest * 5)
     axes.set_xlim(float(frequencies.min()), float(frequencies.max()))
     axes.set_xlabel(along.label("frequency"))
-    axes.set_ylabel(f"amplitude of {mathtext(output)} ({shown + ', ' if shown else ''}peak)")
+    axes.set_ylabel(f"amplitude of {sign(output)} ({shown + ', ' if shown else ''}peak)")
     for k, (name, line) in enumerate(mixed):
         at, height = along(line.frequency_hz), float(line.amplitudes[column]) / factor
         _mark_mixed(axes, k, at, height, f"{name}: {number(height, 4)} {shown}")
@@ -456,7 +456,7 @@ def swept_tone(result: SweepResponse, *, unit: str = "", ax: Axes | None = None)
             fontsize="small",
             color=GREY,
         )
-    axes.set_xlabel(along.label(f"frequency {mathtext(sweep.tone)}"))
+    axes.set_xlabel(along.label(f"frequency {sign(sweep.tone)}"))
     axes.set_ylabel(f"amplitude ({shown + ', ' if shown else ''}peak)")
     top = max(float(np.max(c.amplitudes)) for c in result.curves) / factor
     axes.set_ylim(0.0, (1.7 if result.jumps else 1.1) * top)  # room for the words at the jumps

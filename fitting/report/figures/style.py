@@ -12,7 +12,7 @@ import math
 import re
 import textwrap
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
@@ -22,9 +22,9 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes as Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_mixed import MixedModeRenderer
+from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
 
@@ -68,7 +68,7 @@ def ink() -> str:
 
 
 def short(text: str, longest: int) -> str:
-    """A name cut to so many characters, dollar signs escaped for matplotlib.
+    """A name cut to so many characters.
 
     The middle goes: names in a row mostly differ at their ends.
 
@@ -77,8 +77,7 @@ def short(text: str, longest: int) -> str:
         longest: characters at most.
     """
     tail = longest // 2
-    cut = text if len(text) <= longest else f"{text[: longest - 1 - tail]}…{text[-tail:]}"
-    return cut.replace("$", r"\$")
+    return text if len(text) <= longest else f"{text[: longest - 1 - tail]}…{text[-tail:]}"
 
 
 def marker_of(index: int) -> str:
@@ -188,6 +187,7 @@ def width_inches(axes: Axes) -> float:
     spec = axes.get_subplotspec()
     if spec is None:
         return max(1.5, whole * axes.get_position().width)
+    spec = spec.get_topmost_subplotspec()  # beside the bar of a map
     return max(1.5, whole * len(spec.colspan) / spec.get_gridspec().ncols)
 
 
@@ -196,8 +196,9 @@ def width_inches(axes: Axes) -> float:
 SYNTHETIC = "SYNTHETIC DATA"
 PNG_DPI = 160
 WIDTH = 7.2
-#: Room that the synthetic mark takes above a figure for print, inch.
-MARK_HEIGHT = 0.17
+#: Room at the edges of a figure and between its panels, in letters; of title and legend, inch.
+PAD, BETWEEN = 0.4, 0.8
+EDGE = 0.06
 
 #: Style sheets of a report, and of what a figure for print has otherwise.
 REPORT, PAPER = (Path(__file__).with_name(f"{name}.mplstyle") for name in ("report", "paper"))
@@ -205,10 +206,16 @@ REPORT, PAPER = (Path(__file__).with_name(f"{name}.mplstyle") for name in ("repo
 
 @dataclass(frozen=True, kw_only=True)
 class Planned:
-    """A figure that is yet to be drawn: its name, and what draws it."""
+    """A figure that is yet to be drawn: its name, what draws it, and what that cannot know.
+
+    ``series``: of the campaigns that were fitted together, the one that it shows; ``remark``: at
+    the end of its caption.
+    """
 
     name: str
     draw: Callable[[], Described]
+    series: str = ""
+    remark: str = ""
 
     def drawing(self, number: int, digits: int = 1) -> Described:
         """The figure with its number.
@@ -217,7 +224,11 @@ class Planned:
             number: on the page.
             digits: of the number in the names of files.
         """
-        return replace(self.draw(), number=number, digits=digits)
+        drawn = replace(self.draw(), number=number, digits=digits)
+        if self.series:
+            drawn = replace(drawn, series=self.series, title=f"{drawn.title}, {self.series}")
+        caption, alt = (f"{t} {self.remark}".strip() for t in (drawn.caption, drawn.alt))
+        return replace(drawn, caption=caption, alt=alt)
 
 
 #: Width of figures for print, inch; zero: figures of a report.
@@ -275,36 +286,20 @@ def new_figure(
     if paper:
         height *= max(0.7, paper / width)
         width = paper
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height))
     if not paper:
-        _entitle(figure, title, campaign, synthetic=synthetic)
+        room = int(width * 13) - (24 if synthetic else 0)
+        shown = textwrap.shorten(campaign, room, placeholder=" …")
+        top = 1.0 - EDGE / height
+        figure.suptitle(f"{title}\n{shown}", x=0.012, y=top, ha="left", linespacing=1.35)
     if synthetic:
-        _mark_synthetic(figure, small=bool(paper))
-    engine = figure.get_layout_engine()
-    if synthetic and paper and isinstance(engine, ConstrainedLayoutEngine):  # it hides nothing
-        engine.set(rect=(0.0, 0.0, 1.0, 1.0 - MARK_HEIGHT / height))
+        look: dict[str, Any] = {"ha": "right", "va": "top", "weight": "bold", "color": RED}
+        look["bbox"] = {"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": RED}
+        if paper:  # panels are below it: it hides nothing
+            figure.suptitle(SYNTHETIC, x=0.988, y=1.0 - 0.5 * EDGE / height, fontsize=5, **look)
+        else:
+            figure.text(0.988, 1.0 - 1.5 * EDGE / height, SYNTHETIC, fontsize=8, **look)
     return figure
-
-
-def _entitle(figure: Figure, title: str, campaign: str, *, synthetic: bool) -> None:
-    room = int(figure.get_figwidth() * 13) - (24 if synthetic else 0)
-    shown = textwrap.shorten(campaign, room, placeholder=" …").replace("$", r"\$")
-    figure.suptitle(f"{title}\n{shown}", x=0.012, ha="left", linespacing=1.35)
-
-
-def _mark_synthetic(figure: Figure, *, small: bool) -> None:
-    figure.text(
-        0.988,
-        0.985,
-        SYNTHETIC,
-        ha="right",
-        va="top",
-        fontsize=5 if small else 8,
-        weight="bold",
-        color=RED,
-        bbox={"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": RED},
-        transform=figure.transFigure,
-    )
 
 
 def save(
@@ -332,16 +327,14 @@ def save(
     figure: Figure = drawing.drawn
     kinds = tuple(dict.fromkeys(("svg", *formats)))
     saved = replace(drawing, folder=folder, drawn=None, kinds=kinds)
-    _lay_out(figure)
-    about: dict[str, dict[str, str | None]] = {
-        "svg": {"Date": None, "Creator": None, "Description": drawing.alt},
-        "png": {"Software": None, "Description": drawing.alt},
-        "pdf": {"CreationDate": None, "Subject": drawing.alt},
-    }
-    for kind in kinds:
-        image, metadata = io.BytesIO(), {"Title": drawing.title, **about[kind]}
-        dpi = PNG_DPI if kind == "png" else "figure"
-        figure.savefig(image, format=kind, metadata=metadata, dpi=dpi)
+    about = {"Title": drawing.title, "Date": None, "Creator": None, "Description": drawing.alt}
+    write_whole(saved.file("svg"), _svg(figure, about))
+    for kind in kinds[1:]:
+        about = {"Software": None, "Title": drawing.title, "Description": drawing.alt}
+        if kind == "pdf":
+            about = {"CreationDate": None, "Title": drawing.title, "Subject": drawing.alt}
+        image = io.BytesIO()
+        figure.savefig(image, format=kind, metadata=about, dpi=PNG_DPI)
         write_whole(saved.file(kind), image.getvalue())
     if not for_page:
         return saved
@@ -354,20 +347,54 @@ def save(
     return replace(saved, kinds=(*kinds, "csv"), live=live)
 
 
-def _lay_out(figure: Figure) -> None:
-    """Find the layout once for all formats, that of a picture of dots.
+class _Measured(FigureCanvasSVG):
+    """The canvas of a figure that is laid out by the renderer that draws it."""
 
-    Where a format finds it, everything is drawn twice, and asking for it takes as long.
+    def __init__(self, figure: Figure, renderer: Any) -> None:
+        super().__init__(figure)
+        self._renderer = renderer
+
+    def get_renderer(self) -> Any:
+        """What measures texts."""
+        return self._renderer
+
+
+def _svg(figure: Figure, about: Mapping[str, str | None]) -> str:
+    """A figure as SVG, laid out once for all its formats.
+
+    Matplotlib's own way measures all texts twice and draws everything twice: layout and drawing
+    have a renderer each there. Here both have the same one, which remembers how long a text is.
     """
-    engine = figure.get_layout_engine()
-    if engine is None:
-        return
-    FigureCanvasAgg(figure)
-    dpi = figure.dpi
-    figure.set_dpi(PNG_DPI)
-    engine.execute(figure)
+    dpi, text = figure.dpi, io.StringIO()
+    width, height = figure.get_size_inches()
+    figure.set_dpi(72.0)  # of SVG
+    # renderers have no types
+    svg = RendererSVG(72.0 * width, 72.0 * height, text, image_dpi=dpi, metadata=about)  # type: ignore[no-untyped-call]
+    renderer: Any = MixedModeRenderer(figure, width, height, dpi, svg)  # type: ignore[no-untyped-call]
+    _Measured(figure, renderer)
+    lay_out(figure)
+    figure.draw(renderer)
+    renderer.finalize()
     figure.set_dpi(dpi)
-    figure.set_layout_engine(None)
+    return text.getvalue()
+
+
+def lay_out(figure: Figure) -> None:
+    """Move panels apart, between title and legend.
+
+    Args:
+        figure: as it is drawn.
+    """
+    for spine in (spine for axes in figure.axes for spine in axes.spines.values()):
+        spine.set_in_layout(False)  # it reaches no further than its ticks
+    figure.tight_layout(pad=PAD, w_pad=BETWEEN, h_pad=BETWEEN)
+    for legend in figure.legends:  # it is at the lower edge, where no panel may be
+        room = legend.get_window_extent().height / figure.dpi / figure.get_figheight()
+        specs = [spec for axes in figure.axes if (spec := axes.get_subplotspec())]
+        kept, rows = figure.subplotpars, max(spec.get_gridspec().nrows for spec in specs)
+        size = (kept.top - kept.bottom) / (rows + kept.hspace * (rows - 1))
+        between = kept.hspace * size / (size - room / rows)  # as wide as before, of lower panels
+        figure.subplots_adjust(bottom=kept.bottom + room, hspace=between)
 
 
 def panels(figure: Figure, count: int, most: int) -> list[Axes]:
@@ -404,10 +431,9 @@ def legend_below(figure: Figure, handles: Sequence[Artist], *, ncols: int) -> No
         handles: what the legend explains.
         ncols: columns of the legend.
     """
-    bare = (re.sub(r"\\mathrm|[${}_\\]", "", str(handle.get_label())) for handle in handles)
-    longest = max(map(len, bare))
+    longest = max(len(str(handle.get_label())) for handle in handles)
     width = figure.get_figwidth()
     columns = max(1, min(ncols, int(width / (0.45 + 0.065 * longest))))
     rows = -(-len(handles) // columns)
     figure.set_figheight(figure.get_figheight() + 0.17 * max(0, rows - 2))
-    figure.legend(handles=list(handles), loc="outside lower center", ncols=columns)
+    figure.legend(handles=list(handles), loc="lower center", ncols=columns)

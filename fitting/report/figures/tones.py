@@ -32,8 +32,8 @@ from fitting.report.figures.style import (
     short,
 )
 from fitting.report.shown import ShownCampaign, ShownTones
-from fitting.result.result import Compared, Peak
-from fitting.text.notation import listed, mathtext, number, prefixed, scaling_for, signed
+from fitting.result.result import Peak, Result
+from fitting.text.notation import listed, number, prefixed, scaling_for, sign, signed
 
 DRIVE, OVER_FREQUENCY, IMPROVEMENT = "drive", "deviation_over_frequency", "improvement"
 PER_EXPERIMENT = "deviation_per_experiment"
@@ -42,7 +42,7 @@ MOST_DRIVES = 8
 LONGEST_LABEL = 10
 
 
-def draw_drive(result: Compared, data: ShownCampaign) -> Described:
+def draw_drive(result: Result, data: ShownCampaign) -> Described:
     """The drive of every experiment over time: envelope of its beating, and a close-up of it.
 
     Args:
@@ -66,7 +66,7 @@ def draw_drive(result: Compared, data: ShownCampaign) -> Described:
         if i < len(shown) - 1:
             axes.set_xlabel("")
             axes.tick_params(labelbottom=False)
-    figure.supylabel(f"drive {data.drive}(t), in the FMU's unit".replace("$", r"\$"), fontsize=9)
+    figure.supylabel(f"drive {data.drive}(t), in the FMU's unit", x=0.008, fontsize=9)
     close = drive_periods(shown[0], ax=figure.add_subplot(grid[:, 1]))
     close.set_ylabel("")
     label = short(shown[0].label, LONGEST_LABEL)
@@ -86,7 +86,7 @@ def _beat_words(experiment: ShownTones) -> str:
     return f"{words}, beats every {1.0 / gap / period:.4g} {period_unit} ({gap:.6g} Hz)"
 
 
-def draw_over_frequency(result: Compared, data: ShownCampaign) -> Described:
+def draw_over_frequency(result: Result, data: ShownCampaign) -> Described:
     """Relative deviation |chi z - z*|/z* of every peak over its frequency, before and after.
 
     The range through which a drifting variable moved is shaded where it lies among the drive
@@ -104,7 +104,7 @@ def draw_over_frequency(result: Compared, data: ShownCampaign) -> Described:
     return replace(words, drawn=figure)
 
 
-def draw_improvement(result: Compared, data: ShownCampaign) -> Described:
+def draw_improvement(result: Result, data: ShownCampaign) -> Described:
     """Final deviation in percent of the initial one, for every tone.
 
     Args:
@@ -120,7 +120,7 @@ def draw_improvement(result: Compared, data: ShownCampaign) -> Described:
     return replace(words, drawn=figure)
 
 
-def draw_per_experiment(result: Compared, data: ShownCampaign) -> Described:
+def draw_per_experiment(result: Result, data: ShownCampaign) -> Described:
     """Deviation of every peak by experiment, with error bars, and the residuals in their sigmas.
 
     Error bars are sigma/z*; the lower panel is (chi z - z*)/sigma, so that one wrong peak stands
@@ -148,7 +148,7 @@ def draw_per_experiment(result: Compared, data: ShownCampaign) -> Described:
     return replace(words, drawn=figure)
 
 
-def _worst_words(result: Compared, residuals: list[float]) -> str:
+def _worst_words(result: Result, residuals: list[float]) -> str:
     known = [k for k, r in enumerate(residuals) if math.isfinite(r)]
     if not known:
         return "The standard deviations of the peaks are not known."
@@ -172,7 +172,7 @@ FAR_WORSE = 300.0
 
 
 def deviations(
-    result: Compared,
+    result: Result,
     *,
     drift_hz: Mapping[str, tuple[float, float]] | None = None,
     ax: Axes | None = None,
@@ -206,7 +206,7 @@ def deviations(
     return axes
 
 
-def improvement(result: Compared, *, ax: Axes | None = None) -> Axes:
+def improvement(result: Result, *, ax: Axes | None = None) -> Axes:
     """Draw the deviation after the fit in percent of the one before, for every peak.
 
     Args:
@@ -241,7 +241,7 @@ def improvement(result: Compared, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def improvement_percent(result: Compared) -> list[float]:
+def improvement_percent(result: Result) -> list[float]:
     """100 final/initial deviation per peak; nan where a peak was matched exactly before.
 
     Args:
@@ -250,7 +250,7 @@ def improvement_percent(result: Compared) -> list[float]:
     return [_share(before, after) for _, before, after in _pairs(result)]
 
 
-def mean_improvement_percent(result: Compared) -> float:
+def mean_improvement_percent(result: Result) -> float:
     """100 final/initial mean deviation; nan where all peaks were matched exactly before.
 
     Args:
@@ -263,7 +263,7 @@ def _share(before: float, after: float) -> float:
     return 100.0 * after / before if before > 0.0 else math.nan
 
 
-def deviations_by_experiment(result: Compared, *, ax: Axes | None = None) -> Axes:
+def deviations_by_experiment(result: Result, *, ax: Axes | None = None) -> Axes:
     """Draw the relative deviation |χz − z*|/z* of every peak in the column of its experiment.
 
     Before the fit open, after it filled, error bars σ/z*; dashed lines are the means.
@@ -299,7 +299,7 @@ def deviations_by_experiment(result: Compared, *, ax: Axes | None = None) -> Axe
     return axes
 
 
-def residuals(result: Compared, *, ax: Axes | None = None) -> Axes:
+def residuals(result: Result, *, ax: Axes | None = None) -> Axes:
     """Draw what the fit leaves of every peak, (χz − z*)/σ, in the column of its experiment.
 
     The band is ±2; values beyond 5 are written next to their points.
@@ -346,7 +346,7 @@ def residuals(result: Compared, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def residuals_in_sigmas(result: Compared) -> list[float]:
+def residuals_in_sigmas(result: Result) -> list[float]:
     """(chi z - z*)/sigma per peak after the fit; nan where sigma is not known.
 
     Args:
@@ -382,19 +382,19 @@ def drift_among(
     return {n: ends for n, ends in drift_hz.items() if low <= min(ends) and max(ends) <= high}
 
 
-def _pairs(result: Compared) -> list[tuple[Peak, float, float]]:
+def _pairs(result: Result) -> list[tuple[Peak, float, float]]:
     """Every peak with its deviations before and after."""
     before, after = result.deviations.initial.per_peak, result.deviations.final.per_peak
     return list(zip(result.peaks, before, after, strict=True))
 
 
-def _places(result: Compared) -> dict[str, int]:
+def _places(result: Result) -> dict[str, int]:
     """Number of every experiment, in the order of their peaks."""
     names = dict.fromkeys(p.experiment for p in result.peaks)
     return {name: i for i, name in enumerate(names)}
 
 
-def _columns(result: Compared) -> list[float]:
+def _columns(result: Result) -> list[float]:
     """x of every peak: the experiment's column, its tones spread within."""
     places = _places(result)
     counts = dict.fromkeys(places, 0)
@@ -431,7 +431,7 @@ def _after(marker: str) -> dict[str, Any]:
     }
 
 
-def _draw_means(axes: Axes, result: Compared) -> None:
+def _draw_means(axes: Axes, result: Result) -> None:
     """Dashed mean lines, their numbers in the legend next to the marker that they belong to."""
     for colour, face, deviation, when in (
         (ink(), axes.get_facecolor(), result.deviations.initial, "before"),
@@ -450,7 +450,7 @@ def _draw_means(axes: Axes, result: Compared) -> None:
         )
 
 
-def _scale_deviations(axes: Axes, result: Compared, *, with_errors: bool = False) -> None:
+def _scale_deviations(axes: Axes, result: Result, *, with_errors: bool = False) -> None:
     """From zero, or logarithmic where the fit made the deviations vanish on that scale."""
     before, after = result.deviations.initial, result.deviations.final
     positive = [v for v in (*before.per_peak, *after.per_peak) if v > 0.0]
@@ -468,7 +468,7 @@ def _scale_deviations(axes: Axes, result: Compared, *, with_errors: bool = False
 def _shade_drift(axes: Axes, name: str, ends: tuple[float, float]) -> None:
     """Shade the range of a drifting variable, an arrow in the direction of its drift."""
     axes.axvspan(
-        *ends, color=GREY, alpha=BAND, linewidth=0.0, zorder=0, label=f"drift of {mathtext(name)}"
+        *ends, color=GREY, alpha=BAND, linewidth=0.0, zorder=0, label=f"drift of {sign(name)}"
     )
     axes.annotate(
         "",
