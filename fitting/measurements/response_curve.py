@@ -348,7 +348,7 @@ def _left(plan: Plan) -> float:
     """What an interpolation may cost: of the accuracy that is wanted, or, beyond it, promised."""
     if plan.budget is None:
         return 0.0
-    wanted, left = plan.budget.wanted, plan.budget.left
+    wanted, left = plan.budget.wanted, plan.budget.remaining()
     if left <= 0.0:  # a run at every point would not bring the promise back either
         return SHARE * plan.budget.promised
     return min(SHARE * wanted, left)

@@ -385,7 +385,7 @@ class Survey:
         first = replace(self._plan(count), own_s=misfit_s)
         self._refuse_nonlinear(points[0], count)
         kept = self._that_run(points, count)
-        left = plan.budget.left if plan.budget is not None else self.kind.setup.accuracy
+        left = plan.budget.remaining() if plan.budget is not None else self.kind.setup.accuracy
         left /= trace.value_share  # steps are compared by the largest value, the budget by rows
         runs = partial(self._simulated, kept)
         steps = planned_steps(first, runs, left, trace.run_samples)
@@ -407,7 +407,7 @@ class Survey:
         if before is None or plan.budget is None:
             return plan
         share = self.trace.value_share
-        left = max(0.0, plan.budget.remaining_for(Decided.STEP)) / share
+        left = plan.budget.remaining(Decided.STEP) / share
         runs = partial(self._simulated, [p])
         coarsest = before.per_sample // 2 if before.extrapolated else before.per_sample
         started = replace(before, per_sample=coarsest)

@@ -135,18 +135,14 @@ class Budget:
         """Sum of the bounds: the accuracy that can be promised."""
         return math.fsum(decision.cost for decision in self.decisions)
 
-    @property
-    def left(self) -> float:
-        """What the decisions leave of the wanted accuracy, at least 0."""
-        return max(0.0, self.wanted - self.promised)
-
-    def remaining_for(self, kind: Kind) -> float:
-        """What the decisions of all other kinds leave of the wanted accuracy, at least 0.
+    def remaining(self, without: Kind | None = None) -> float:
+        """What the decisions leave of the wanted accuracy, at least 0.
 
         Args:
-            kind: of the decisions that do not count.
+            without: kind of decisions that do not count.
         """
-        return max(0.0, self.wanted - math.fsum(d.cost for d in self.decisions if d.kind != kind))
+        spent = math.fsum(d.cost for d in self.decisions if d.kind != without)
+        return max(0.0, self.wanted - spent)
 
     @property
     def kept(self) -> bool:

@@ -173,8 +173,7 @@ def sweep(
     if settling.basis is Basis.WATCHED:
         # next to a maximum transients are larger than at points that are tried: in twice the time
         # what is left of them is the square
-        numbers = {**settling.numbers, "settle_s": 2.0 * plan.settle_s}
-        longer = replace(settling, numbers=numbers)
+        longer = replace(settling, numbers={**settling.numbers, "settle_s": 2.0 * plan.settle_s})
         decisions = tuple(longer if d is settling else d for d in plan.decisions)
         budget = replace(plan.budget, decisions=decisions)
         plan = replace(plan, settle_s=2.0 * plan.settle_s, budget=budget)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
 from fitting.fmu.accuracy import Reduction
 from fitting.fmu.runs import Run
@@ -152,10 +153,9 @@ def window_decision(windows: Sequence[Window]) -> Decision:
     lengths = [float(f"{window.length_s:.6g}") for window in windows]
     counts = [window.samples for window in windows]
     tones = {window.tones_hz for window in windows}
-    coherent = all(window.coherent for window in windows)
     return Decision(
         kind=Kind.WINDOW,
-        basis=Basis.COHERENT if coherent else Basis.FITTED,
+        basis=Basis.COHERENT if all(w.coherent for w in windows) else Basis.FITTED,
         bound=0.0,
         subject=hertz(*windows[0].tones_hz) if len(tones) == 1 else "",
         numbers={
@@ -225,8 +225,7 @@ class _Planner:
             self._steps(settings, settle_s)
         self._input(settings, settle_s)
         order, readings = self._samples(settings, settle_s)
-        rounding = max(reading.rounding for reading in readings)
-        self._add(Decision(Kind.ROUNDING, Basis.DOUBLE, rounding))
+        self._add(Decision(Kind.ROUNDING, Basis.DOUBLE, max(each.rounding for each in readings)))
         # windows are known last, and are printed after the settling
         windows = tuple(self.probe.windows(settle_s, order))
         decisions = list(self.budget.decisions)
@@ -465,21 +464,13 @@ class _Planner:
         that changes them. Where no other can be sampled, what the tones leave in the samples bounds
         what combinations add to the tones.
         """
-        order, finer, bound = ORDERS[0], ORDERS[0], math.inf
-        lower, here = order, self.probe.read(settings, settle_s, order)
-        for higher in ORDERS[1:]:
-            try:
-                better = self.probe.read(settings, settle_s, higher)
-            except BadInput:  # no sampling keeps so many lines off the tones
-                break
-            if better is here:
-                continue
-            order, finer, bound = lower, higher, SAFETY * self.probe.errors(here, better)
+        order = finer = ORDERS[0]
+        bound = SAFETY * self.probe.unexplained(self.probe.read(settings, settle_s))
+        for (lower, here), (higher, better) in pairwise(self.probe.by_order(settings, settle_s)):
+            order, finer = lower, higher
+            bound = SAFETY * self.probe.errors(here, better)
             if bound <= self._share(Kind.SAMPLES):
                 break
-            lower, here = higher, better
-        if math.isinf(bound):
-            bound = SAFETY * self.probe.unexplained(here)
         counts = [window.samples for window in self.probe.windows(settle_s, order)]
         numbers: dict[str, Scalar] = {"least": min(counts), "most": max(counts)}
         numbers |= {"order": order, "finer": finer, "safety": SAFETY}

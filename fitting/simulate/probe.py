@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
@@ -253,6 +253,23 @@ class Probe:
             self._readings[key] = list(map(_reading, self.drives, windows, answers))
         return self._readings[key]
 
+    def by_order(
+        self, settings: Mapping[str, Scalar], settle_s: float
+    ) -> Iterator[tuple[int, list[Reading]]]:
+        """Each order that changes the samples, and what the drives show with them.
+
+        Args:
+            settings: values of FMU variables, by name.
+            settle_s: time before the first sample, s.
+        """
+        before: list[Reading] | None = None
+        with suppress(BadInput):  # no sampling keeps so many lines off the tones
+            for order in ORDERS:
+                here = self.read(settings, settle_s, order)
+                if here is not before:
+                    yield order, here
+                before = here
+
     def separating(
         self, settings: Mapping[str, Scalar], settle_s: float, wanted: float
     ) -> Probe | None:
@@ -263,10 +280,7 @@ class Probe:
             settle_s: time before the first sample, s.
             wanted: relative error by combinations that is none.
         """
-        readings: dict[int, list[Reading]] = {}
-        for order in ORDERS:
-            with suppress(BadInput):  # no sampling keeps so many lines off the tones
-                readings[order] = self.read(settings, settle_s, order)
+        readings = dict(self.by_order(settings, settle_s))
         finest = readings[max(readings)]
         least = next(k for k, read in readings.items() if self.errors(read, finest) <= wanted)
         if least == ORDERS[0]:

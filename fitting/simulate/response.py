@@ -270,10 +270,8 @@ def _band(drive: Drive, shown: Shown) -> tuple[Band, bool]:
     coherent, result = band is not None, band or _rounded_band(drive.tones_hz, shown)
     if not drive.grid.step_s:
         return result, coherent
-    chosen = shown != Shown()
-    return band_on(
-        drive.grid, drive.tones_hz, longest_window_s(drive.tones_hz), result, chosen
-    ), True
+    longest_s = longest_window_s(drive.tones_hz)
+    return band_on(drive.grid, drive.tones_hz, longest_s, result, shown != Shown()), True
 
 
 def _rounded_band(tones: tuple[float, ...], shown: Shown) -> Band:

@@ -43,7 +43,7 @@ def test_bounds_add_up_and_the_sum_is_what_can_be_promised() -> None:
         Decision(kind=Kind.MODEL, basis=Basis.STATED, bound=0.2, subject="mode", taken=False)
     )
     assert budget.promised == 3e-5
-    assert budget.left == pytest.approx(7e-5)
+    assert budget.remaining() == pytest.approx(7e-5)
     assert budget.kept
     assert warnings_in_words(budget) == ()
     coarse = {"safety": 2.0, "part": 0.5}
@@ -58,7 +58,7 @@ def test_bounds_add_up_and_the_sum_is_what_can_be_promised() -> None:
         )
     )
     assert over.promised == pytest.approx(2.3e-4)
-    assert over.left == 0.0
+    assert over.remaining() == 0.0
     assert over.of(Kind.SOLVER, "substep") == over.decisions[2:]
     budget = replace(over, decisions=(over.decisions[0], over.decisions[2]))
     assert "2.3e-04" in plan_in_words(budget)[-1]
