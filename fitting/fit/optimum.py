@@ -21,7 +21,7 @@ from fitting.fit.levenberg import (
 )
 from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request
 from fitting.fit.linearisation import SMALLEST_SIGMA, Linearisation
-from fitting.fit.objective import forward
+from fitting.fit.objective import central
 from fitting.signal.student import normal_square, tail
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import OutOfBudget
@@ -127,25 +127,34 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
             break
         evaluator.likelihood = stated
         result = _with_noise(evaluator, [result.expansion.x])
-    with evaluator.limited():  # outputs and their slopes rest on it
-        return replace(result, expansion=with_outputs(evaluator, result.expansion))
+    here = result.expansion
+    with evaluator.limited():
+        [[read]] = evaluator([Request((here.x,), rows=False)])
+    sample = replace(here.sample, outputs=read.outputs)
+    return replace(result, expansion=replace(here, sample=sample))
 
 
-def with_outputs(evaluator: LikelihoodEvaluator, here: Expansion) -> Expansion:
-    """The point with the derived outputs and their slopes, read at the nodes of its stencil.
+def with_central_slopes(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
+    """The optimum with slopes of rows and outputs by central differences, on which intervals rest.
+
+    Along directions that the data hardly constrain errors are large, and so is what an error of a
+    slope along them does to the error of a value that is constant there. Forward differences, which
+    are enough to descend by, have errors of the step, these of its square.
 
     Args:
-        evaluator: of the likelihood.
-        here: a point with slopes of its rows.
+        evaluator: of the likelihood of the optimum.
+        optimum: the most likely point.
     """
-    if here.age:
-        return expand(evaluator, [here.x])[0]
-    likelihood = evaluator.likelihood
-    around = forward(here.x, likelihood.objective.steps, likelihood.upper)
-    [answers] = evaluator([Request(around.nodes, rows=False)])
-    sample = replace(here.sample, outputs=answers[0].outputs)
-    outward = around.quotients([each.outputs for each in answers])
-    return replace(here, sample=sample, outward=outward)
+    likelihood, x = optimum.likelihood, optimum.expansion.x
+    around = central(x, likelihood.objective.steps, likelihood.lower, likelihood.upper)
+    with evaluator.limited():
+        [[here, *nodes]] = evaluator([Request((x, *around.nodes))])
+        if all(np.all(np.isfinite(node.rows)) for node in nodes):
+            matrix = around.quotients([node.rows for node in nodes])
+            at = Expansion(here, matrix, around.quotients([node.outputs for node in nodes]))
+        else:  # steps at which the model fails go the other way
+            [at] = expand(evaluator, [x])
+    return replace(optimum, expansion=at)
 
 
 def _with_noise(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Optimum:

@@ -38,7 +38,7 @@ from fitting.fit.likelihood import (
 )
 from fitting.fit.noise import RowNoise, noise_of
 from fitting.fit.objective import Evaluator, Objective, evaluate_many, make_objective
-from fitting.fit.optimum import Optimum, most_likely
+from fitting.fit.optimum import Optimum, most_likely, with_central_slopes
 from fitting.fit.outputs import output_means
 from fitting.fit.problem import Problem
 from fitting.fit.search import search_box
@@ -169,6 +169,7 @@ def determine(
 
     evaluator.begin(Stage.SCANS)
     for attempt in range(ANEW + 1):
+        optimum = with_central_slopes(evaluator, optimum)
         response, x = optimum.likelihood.objective.response, optimum.expansion.x
         ranges = output_ranges(response, optimum.likelihood.parameters, options.seed, [x])
         scans = scan_profiles(evaluator, optimum, ranges, minima, options.only, exact)
