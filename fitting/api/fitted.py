@@ -705,7 +705,8 @@ def profile(
         only=requested,
         progress=progress or (lambda spent: None),
     )
-    result = infer(fit.record, options, sweeps=fit._sweeps)
+    earlier = fit.__dict__.get("inferred")  # where values were read before
+    result = infer(fit.record, options, sweeps=fit._sweeps, earlier=earlier)
     if result.fit is not fit.record:  # profiles came by a lower minimum
         again = Fit(fit.problem, result.fit, fit.seconds)
         again.command, fit = fit.command, again

@@ -100,6 +100,7 @@ def infer(
     *,
     profiles: bool = True,
     sweeps: SweepFindings | None = None,
+    earlier: Inference | None = None,
 ) -> Inference:
     """Values, intervals and verdicts of a fit: of the profiles, else of the linearised problem.
 
@@ -111,17 +112,18 @@ def infer(
         options: units, limits and names of values; what else is asked follows from the fit.
         profiles: whether they are scanned; else intervals are those of the linearised problem.
         sweeps: what those of this fit show, where it is known already.
+        earlier: of the same fit, without profiles: what does not depend on these is taken from it.
 
     Raises:
         OutOfBudget: it was spent before the best fit was found.
         FmuFailure: the model failed at the solution.
     """
     options = options or InferenceOptions()
-    fit, sweeps = _with_doubts(fit, sweeps)
+    fit, sweeps = _with_doubts(fit, sweeps if earlier is None else earlier.sweeps)
     read = _read(fit, options, sweeps, (), profiles=profiles)
     settled = _with_better_fit(fit, read)
     if settled is fit:
-        return _assemble(fit, sweeps, read, options)
+        return _assemble(fit, sweeps, read, options, earlier)
     # other minima that fit are known to the second search
     parameters = fit.solution.parameters
     met = () if read.determined is None else read.determined.knowledge.equivalents
@@ -276,7 +278,11 @@ def _with_better_fit(fit: Fit, read: _Reading) -> Fit:
 
 
 def _assemble(
-    fit: Fit, sweeps: SweepFindings, read: _Reading, options: InferenceOptions
+    fit: Fit,
+    sweeps: SweepFindings,
+    read: _Reading,
+    options: InferenceOptions,
+    earlier: Inference | None = None,
 ) -> Inference:
     """Values, how the fit ended, and findings, of what it was read as."""
     problem, status = fit.problem, fit.status
@@ -336,7 +342,9 @@ def _assemble(
     derived = with_profiles(derived, profiled, apart, why_not, read.at_bounds)
     offsets = with_profiles(offset_results(solution, estimates), {}, {}, why_not, ())
     named: dict[str, FittedEstimate] = {**parameters, **derived}
-    if not sweeps.faults and not any(test.contradicts for test in sweeps.agreement):
+    is_known = any(line.values for line in sweeps.lines.values())
+    contradicts = any(test.contradicts for test in sweeps.agreement)
+    if not (is_known or sweeps.faults or contradicts):
         # a line that nothing speaks against states which of the values are its own
         own = values_of_line(problem, fit.solution, named, sweeps.fits)
         lines = {series: replace(line, values=own) for series, line in sweeps.lines.items()}
@@ -378,6 +386,7 @@ def _assemble(
         joint=joint,
         equivalents=() if why_not else equivalent_findings(inference),
         profiles=() if determined is None else determined.findings,
+        earlier=() if earlier is None else earlier.findings,
     )
     return replace(inference, findings=in_order(*findings_of(solved), *read.missing))
 

@@ -237,7 +237,14 @@ def check_assumptions(solved: Solved) -> Iterator[Finding]:
     for series, bound in solved.problem.campaigns.items():
         for assumption in bound.assumptions:
             by_words.setdefault(assumption.words, {})[series] = assumption
+    refitted = {f.subject: f.numbers for f in solved.earlier if f.kind is Kind.assumption}
     for words, by_series in by_words.items():
+        before = refitted.get(words, {})
+        if all(f"{SHIFT}{name}" in before for name in known):
+            wanted = {"chi_square", *(f"{SHIFT}{name}" for name in known)}
+            numbers = {name: before[name] for name in before if name in wanted}
+            yield note(Kind.assumption, words, None, **numbers)
+            continue
         try:
             objective, x, chi_square = _refit(solution, by_series)
             numbers = _shifts(solution, objective, x, known)

@@ -74,6 +74,7 @@ class Solved:
         equivalents: findings of other solutions that profiles met.
         profiles: findings of the profiles.
         causes: what one mistake of the measurement would explain.
+        earlier: findings of the same fit before its profiles were scanned.
     """
 
     fit: Fit
@@ -92,6 +93,7 @@ class Solved:
     equivalents: tuple[Finding, ...] = ()
     profiles: tuple[Finding, ...] = ()
     causes: tuple[Finding, ...] = ()
+    earlier: tuple[Finding, ...] = ()
 
     @property
     def values(self) -> dict[str, FittedEstimate]:
