@@ -126,8 +126,10 @@ def scan_profiles(
         sides += more
     guides = _guides(optimum, sides)
     leading = [s for s in sides if s.result is None and id(s) not in guides]
-    _try_ends(shared, leading, ranges)
-    _scan(shared, leading)
+    # parameters first: where one ends, an output that follows from it may end as well
+    _try_ends(shared, [s for s in leading if s.quantity.index >= 0], ranges)
+    _try_ends(shared, [s for s in leading if s.quantity.index < 0], ranges)
+    _scan(shared, [s for s in leading if s.result is None])
     # what moves with a value that has been scanned goes along its points, and ends where it does
     following = [s for s in sides if s.result is None and id(s) in guides]
     for side in following:
