@@ -13,6 +13,7 @@ import pytest
 
 import build_fmu
 from fitting.engine import process
+from fitting.fmu import models
 from fitting.fmu.worker import process as worker_process
 from tests.support.c_hosts import compile_program
 from tests.support.fmus import Instance, Unpacked, unpack
@@ -39,6 +40,14 @@ def _warm() -> Iterator[WarmStarts]:
         patch.setattr(process, "_started", warm)
         yield warm
     warm.close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """FMUs that commands build are kept for the session, not in the cache of who runs the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(models.CACHE, str(tmp_path_factory.mktemp("cache")))
+        yield
 
 
 @pytest.fixture(autouse=True)

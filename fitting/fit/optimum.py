@@ -145,16 +145,19 @@ def with_central_slopes(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Opt
         evaluator: of the likelihood of the optimum.
         optimum: the most likely point.
     """
-    likelihood, x = optimum.likelihood, optimum.expansion.x
-    around = central(x, likelihood.objective.steps, likelihood.lower, likelihood.upper)
-    with evaluator.limited():
-        [[here, *nodes]] = evaluator([Request((x, *around.nodes))])
-        if all(np.all(np.isfinite(node.rows)) for node in nodes):
-            matrix = around.quotients([node.rows for node in nodes])
-            at = Expansion(here, matrix, around.quotients([node.outputs for node in nodes]))
-        else:  # steps at which the model fails go the other way
-            [at] = expand(evaluator, [x])
-    return replace(optimum, expansion=at)
+    likelihood, here = optimum.likelihood, optimum.expansion
+    around = central(here.x, likelihood.objective.steps, likelihood.lower, likelihood.upper)
+    try:
+        [nodes] = evaluator([Request(around.nodes)])
+        if not all(np.all(np.isfinite(node.rows)) for node in nodes):
+            # steps at which the model fails go the other way
+            return replace(optimum, expansion=expand(evaluator, [here.x])[0])
+    except Exhausted:  # outputs have no slopes then
+        unknown = np.full((here.sample.outputs.size, here.x.size), np.nan)
+        return replace(optimum, expansion=replace(here, outward=unknown))
+    matrix = around.quotients([node.rows for node in nodes])
+    outward = around.quotients([node.outputs for node in nodes])
+    return replace(optimum, expansion=Expansion(here.sample, matrix, outward))
 
 
 def _with_noise(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) -> Optimum:

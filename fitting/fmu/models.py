@@ -1,15 +1,24 @@
-"""The models that this project ships, built where a campaign names one."""
+"""The models that this project ships, built where a campaign names one.
+
+What was built is kept in the user's cache folder, by what it was built from: sources, libraries,
+compiler. The build is reproducible, so that what is driven is what the sources are.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+from platformdirs import user_cache_path
 
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -18,7 +27,11 @@ from fitting.text.results_folder import write_whole
 from fitting.text.scratch import Scratch
 from fitting.text.toml import read_toml
 
-BUILDER = "build_fmu.py"
+BUILDER, SOURCES = "build_fmu.py", "fmu_src"
+#: Where FMUs that were built are kept instead; empty: nowhere.
+CACHE = "FMU_FIT_CACHE"
+#: States of the sources whose FMUs are kept, at most.
+MOST_KEPT = 16
 #: Models that are built before they are asked for, by name and whether they are compiled.
 _ahead: dict[tuple[str, bool], Future[Path]] = {}
 _log = logging.getLogger(__name__)
@@ -26,9 +39,6 @@ _log = logging.getLogger(__name__)
 
 def built_model(model: str, cache: Path, *, native: bool = False) -> Path:
     """Path of the FMU of a model of this project, built into `cache`.
-
-    The build is reproducible and takes a second, so it is made anew every time: what is driven is
-    what the sources are.
 
     Args:
         model: its name.
@@ -106,15 +116,53 @@ def rebuilt(
 
 
 def _build(model: str, native: bool, folder: Path) -> Path:
+    """The FMU of a model; Python's where it is to be compiled and cannot."""
     if native:
         try:
-            return _builder(["--native", "--model", model], folder)
+            return _kept_or_built(model, folder, native=True)
         except BadInput as error:  # the digits are those of Python's
             _log.info("the model is not compiled, Python's runs: %s", error)
     try:
-        return _builder(["--model", model], folder)
+        return _kept_or_built(model, folder, native=False)
     except BadInput as error:
         raise BadInput(f"model {model!r} could not be built: {error}") from error
+
+
+def _kept_or_built(model: str, folder: Path, *, native: bool) -> Path:
+    """The FMU of an earlier build from the same, else one that is built into a folder."""
+    kept = _place(native=native)
+    if kept is not None and (kept / f"{model}.fmu").is_file():
+        return kept / f"{model}.fmu"
+    built = _builder([*["--native"] * native, "--model", model], folder)
+    if kept is not None:
+        with suppress(BadInput, OSError):  # without it the next one takes as long
+            write_whole(kept / built.name, built.read_bytes())
+            states = sorted(kept.parent.iterdir(), key=lambda state: state.stat().st_mtime)
+            for state in states[:-MOST_KEPT]:
+                shutil.rmtree(state, ignore_errors=True)
+    return built
+
+
+def _place(*, native: bool) -> Path | None:
+    """Folder of the FMUs that were built from the present sources; None where none are kept."""
+    named = os.environ.get(CACHE)
+    if named == "":
+        return None
+    sources = shipped(SOURCES)
+    state = hashlib.sha256(shipped(BUILDER).read_bytes())
+    for path in sorted(p for p in sources.rglob("*") if p.is_file() and p.suffix != ".pyc"):
+        state.update(f"{path.relative_to(sources)}\n".encode())
+        state.update(path.read_bytes())
+    state.update(f"{sys.executable} {sys.version}".encode())
+    for package in ("pythonfmu", "fmpy", "ziglang"):
+        with suppress(PackageNotFoundError):
+            state.update(f"{package} {version(package)}".encode())
+    compiler = shutil.which("cc") if native else None
+    if compiler is not None:
+        built = Path(compiler).resolve().stat()
+        state.update(f"{compiler} {built.st_size} {built.st_mtime_ns}".encode())
+    folder = Path(named) if named else user_cache_path("fmu-fit", appauthor=False)
+    return folder / f"{state.hexdigest()[:32]}{'-native' * native}"
 
 
 def _builder(words: Sequence[str], folder: Path) -> Path:

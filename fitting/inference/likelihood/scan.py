@@ -732,7 +732,10 @@ def _predict(shared: Shared, scans: Sequence[_SideScan]) -> None:
 def _extend(shared: Shared, sides: Sequence[_SideScan]) -> None:
     """Scans go on from the farthest point in hand that fits and lies beyond where they ended."""
     for _ in range(EXTENSIONS):
-        fitting, going = shared.fitting(), list[_SideScan]()
+        # where a side ends is known to CLOSE: its point on the threshold fits as well as any
+        ends = [s.outside for s in sides if s.outside is not None]
+        fitting = [*shared.fitting(), *shared.read([p for p in ends if p.root - ROOT_95 < CLOSE])]
+        going = list[_SideScan]()
         for scan in sides:
             q = scan.quantity
             known = scan.result or scan.ended()
@@ -747,7 +750,7 @@ def _extend(shared: Shared, sides: Sequence[_SideScan]) -> None:
             if scan.result is not None:  # it was closed without a scan
                 scan.first95, scan.result = known.own95, None
                 scan.points += list(known.points)
-            point = fitting[int(np.argmax(gaps))]
+            point = fitting[int(np.nanargmax(gaps))]
             scan.points += [p for p in (*scan.inside, scan.outside) if p is not None]
             scan.inside, scan.outside = [replace(point, value=q.of(point.at.sample))], None
             scan.origin, scan.misses, scan.narrowed = scan.last.value, 0, 0
