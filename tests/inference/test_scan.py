@@ -551,6 +551,18 @@ def test_a_little_of_a_mode_damped_without_end_is_much_to_a_width() -> None:
     assert width.active_bounds == ("d",)
 
 
+def test_a_product_that_the_data_determine_is_not_scanned() -> None:
+    """Along a b = 6 nothing but the bounds holds a and b: g = a b is known by its covariance."""
+
+    def rows(p: FloatArray) -> FloatArray:
+        return np.array([(p[0] * p[1] - 6.0) / 0.01, 0.0, 0.0])
+
+    own = parameter("a", 1e-2, 1e3, start=2.0), parameter("b", 1e-2, 1e3, start=3.1)
+    found = learnt(whitened(rows, *own, g=lambda p: float(p[0] * p[1]))).derived["g"]
+    assert found.method == "linearised, verified"
+    assert found.ci95 == pytest.approx((6.0 - 0.01 * Z95, 6.0 + 0.01 * Z95), rel=1e-6)
+
+
 # --- points that scans share
 
 

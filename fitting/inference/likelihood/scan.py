@@ -84,9 +84,6 @@ INSIDE = 0.05
 CONFIRMED = 0.3
 #: Share of a step that leads nowhere.
 NOWHERE = 0.05
-#: Correlation from which two values move together, so that the points of one scan are the other's:
-#: chi square along them differs by less than its threshold is known to.
-TOGETHER = 0.999
 #: Share of an interval by which a point that fits lies beyond it; how often scans go on from one.
 BEYOND, EXTENSIONS = 0.02, 3
 
@@ -124,19 +121,14 @@ def scan_profiles(
         more = [_SideScan(shared, q, side) for q in others for side in (0, 1)]
         _verify(shared, more)
         sides += more
-    guides = _guides(optimum, sides)
-    leading = [s for s in sides if s.result is None and id(s) not in guides]
     # parameters first: where one ends, an output that follows from it may end as well
-    _try_ends(shared, [s for s in leading if s.quantity.index >= 0], ranges)
-    _try_ends(shared, [s for s in leading if s.quantity.index < 0], ranges)
-    _scan(shared, [s for s in leading if s.result is None])
-    # what moves with a value that has been scanned goes along its points, and ends where it does
-    following = [s for s in sides if s.result is None and id(s) in guides]
-    for side in following:
-        side.tried = [p.at for p in guides[id(side)].stations()]
-    unguided = [s for s in following if guides[id(s)].end().closed != "data"]
-    _try_ends(shared, unguided, ranges)
-    _scan(shared, [s for s in following if s.result is None])
+    for outputs in (False, True):
+        _try_ends(
+            shared,
+            [s for s in sides if s.result is None and (s.quantity.index < 0) is outputs],
+            ranges,
+        )
+    _scan(shared, [s for s in sides if s.result is None])
     _extend(shared, sides)
     known = []
     for side in sides:
@@ -321,14 +313,13 @@ class _SideScan:
             gaps = np.abs(q.values(fitting) - self.target)
             if np.any(gaps < step):
                 self.begin, self.wants_slopes = fitting[int(np.argmin(gaps))].at, True
-        if self.tried:  # the covariance's own prediction, or what another scan came to
+        if self.tried:  # the covariance's own prediction was evaluated already
             at = self.tried.pop(0)
             value = q.of(at.sample)
             way = self.sign * (value - self.last.value)
             # an output that is bent is elsewhere there
             if math.isfinite(at.chi_square) and NOWHERE * step < way < min(left, 2.0 * step):
                 self.target, self.begin = value, at
-                self.wants_slopes = q.output >= 0 and not at.outward.size
         return True
 
     def _aim_between(self, outside: ScanPoint) -> bool:
@@ -411,12 +402,6 @@ class _SideScan:
     def end(self) -> Side:
         """The side as it is known; another scan may have come to the end that this one did not."""
         return self.result or (self.open_side() if self.is_reached() else self.ended())
-
-    def stations(self) -> list[ScanPoint]:
-        """Its points outward from the optimum, the first one outside among them."""
-        if self.result is not None:
-            return list(self.result.points)
-        return [p for p in (*self.inside[1:], self.outside) if p is not None]
 
     def ended(self) -> Side:
         """The side as its scan has it."""
@@ -535,26 +520,6 @@ def _agrees(side: _SideScan, root: float, at: Expansion) -> bool:
     besides = [q.index] if q.index >= 0 else []
     constraints = q.constraint(value, step) if q.output >= 0 else UNCONSTRAINED
     return not active_bounds_at(optimum.likelihood, at, besides, constraints)
-
-
-def _guides(optimum: Optimum, sides: Sequence[_SideScan]) -> dict[int, _SideScan]:
-    """Sides that move with one of an earlier value, which leads them, by their identity."""
-    covariance, leaders = data_covariance(optimum), list[tuple[_SideScan, _SideScan]]()
-    guides: dict[int, _SideScan] = {}
-    for down, up in zip(sides[::2], sides[1::2], strict=True):
-        q = down.quantity
-        if q.is_periodic or not (np.all(np.isfinite(q.slope)) and np.any(q.slope)):
-            continue
-        for low, high in leaders:
-            other = low.quantity
-            shared = float(q.slope @ covariance @ other.slope)
-            if abs(shared) >= TOGETHER * q.sigma * other.sigma:
-                low, high = (low, high) if shared > 0.0 else (high, low)
-                guides |= {id(down): low, id(up): high}
-                break
-        else:
-            leaders.append((down, up))
-    return guides
 
 
 # --- ends of ranges -------------------------------------------------------------------------------
