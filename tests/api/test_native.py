@@ -13,6 +13,7 @@ import fitting as ff
 from fitting.campaign.file import WrittenFmu
 from fitting.fmu import models
 from fitting.fmu.models import built_model
+from fitting.text.files import shipped
 from fitting.text.schema import Refused
 
 MODEL = "CoupledOscillator"
@@ -57,7 +58,7 @@ def test_what_was_built_is_kept_by_what_it_was_built_from(
     first = built_model(MODEL, tmp_path / "one").read_bytes()
     again = built_model(MODEL, tmp_path / "two").read_bytes()
     assert (len(calls), again == first) == (1, True)
-    where = models.shipped
+    where = shipped
     shutil.copytree(where(models.SOURCES), sources)
     (sources / "added.py").write_text("")
     monkeypatch.setattr(models, "shipped", lambda n: sources if n == models.SOURCES else where(n))
