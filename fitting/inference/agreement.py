@@ -33,6 +33,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 
@@ -40,8 +42,8 @@ from fitting.campaign.joint import is_shared
 from fitting.campaign.parameters import drift_square, inverse_priors, prior_sigmas, search_bounds
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.fit import Solution
-from fitting.fit.levenberg import Expansion
-from fitting.fit.likelihood import Sample
+from fitting.fit.levenberg import Expansion, Goal, minimise
+from fitting.fit.likelihood import LikelihoodEvaluator, Request, Sample
 from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many, forward
@@ -332,9 +334,11 @@ EXPLAINED = 3.0
 CLEAR = 0.5
 #: Relative scatter of a sweep's points, at least: simulations and rounding.
 LEAST_SCATTER = 1e-5
-#: Descents: first damping, rounds at most, chi square that is worth a step, precision (over that of
-#: the bounds) from which a direction is followed, and logarithms of factors at most.
-GENTLE, ROUNDS, PROMISE, LEAST_PRECISION, LONGEST = 1e-6, 15, 1e-2, 1.0, 7.0
+#: Damping of a linearised step, and precision (over that of the bounds) from which it follows a
+#: direction.
+GENTLE, LEAST_PRECISION = 1e-6, 1.0
+#: Searches: chi square that is worth a step, and logarithms of factors at most.
+PROMISE, LONGEST = 0.1, 7.0
 #: More parameters than this are not searched again: drift offsets of a long series.
 MOST_PARAMETERS = 24
 
@@ -433,31 +437,39 @@ class _Both:
         top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
         self.freedom = math.inf if sweep.known else top.freedom
         self.start = np.append(solution.final.x, [0.0, 0.0])
-        self._known: dict[bytes, tuple[FloatArray, ...]] = {}
+        self._known: dict[tuple[str, bytes], FloatArray] = {}
+        steps = np.append(solution.objective.steps, [1e-6, 1e-6])
+        self.likelihood = SimpleNamespace(
+            objective=SimpleNamespace(steps=steps),
+            lower=self.bounds[0],
+            upper=self.bounds[1],
+            widths=self.units,
+            periods=np.full(self.units.size, np.inf),
+        )
+        self.parts = ""
 
     def agreement(self) -> SweepAgreement | None:
         """The test; None where they agree at once, or one determines nothing of the other."""
-        if self._straight() < CLEAR * CONTRADICT**2:
+        if self._linear_test() < CLEAR * CONTRADICT**2:
             return None
         swept = self._least("T", self.start)
-        determined = self._rank(swept)
-        freedom = self.sweep.amplitude_v.size - determined - 1
+        freedom = self.sweep.amplitude_v.size - self._rank(swept) - 1
         if freedom < 3:
             return None
         self.scatter = self._scatter(swept, freedom)
         swept, peaks = self._least("T", swept.x), self._least("S", self.start)
-        shared = determined + self._rank(peaks) - self._rank(self._at("ST", self.start))
+        shared = self._rank(swept) + self._rank(peaks) - self._rank(self._at("ST", self.start))
         if shared < 1:
             return None
         both = self._least("ST", self.start, swept.x)
-        if self.factor:
+        rows = both.sample.rows.size
+        # a factor that leaves far more than noise of the peaks alone explains nothing
+        if self.factor and self._least("SF", self.start).chi_square < EXPLAINED * rows:
             free = self._least("STF", both.x, swept.x)
             # what a factor led to may be lower without it, too
             without = self._least("ST", np.append(free.x[:-1], 0.0))
             both = min(both, without, key=attrgetter("chi_square"))
-            excess = max(
-                1.0, free.chi_square / max(1, free.sample.rows.size - self._rank(free) - 2)
-            )
+            excess = max(1.0, free.chi_square / max(1, rows - self._rank(free) - 2))
             gain = both.chi_square - free.chi_square - self._by_priors(both, free)
             sigmas = self._sigmas(gain / excess, 1)
             if sigmas > CONTRADICT and excess < EXPLAINED:
@@ -479,20 +491,17 @@ class _Both:
         own = slice(-self.sweep.amplitude_v.size, None)
         return residual_structure(both.sample.rows[own], both.matrix[own]).order == 0
 
-    def _straight(self) -> float:
+    def _linear_test(self) -> float:
         """The test with everything linearised at the solution: one expansion and no descent.
 
-        Of data that agree it is exact, as the solution then lies near both minima.
+        Of data that agree it is exact, as the solution then lies near both minima. The scatter of
+        the sweep's points is about that of the linearised line from here on.
         """
         alone = self._at("T", self.start)
-        _, left = self._step(alone, GENTLE)
         freedom = max(1, alone.sample.rows.size - self._rank(alone) - 1)
-        own, self.scatter = self.scatter, self.scatter * max(1.0, math.sqrt(left / freedom))
-        squares = []
-        for parts in ("ST", "T", f"S{self.factor}"):
-            squares.append(self._step(self._at(parts, self.start), GENTLE)[1])
-        self.scatter = own
-        return squares[0] - squares[1] - squares[2]
+        self.scatter *= max(1.0, math.sqrt(self._linear("T") / freedom))
+        both, swept, peaks = map(self._linear, ("ST", "T", f"S{self.factor}"))
+        return both - swept - peaks
 
     def _by_priors(self, one: Expansion, other: Expansion) -> float:
         """Chi square that priors of what drifts have more at one end: no data contradict there."""
@@ -529,71 +538,55 @@ class _Both:
     # --- descents ---
 
     def _least(self, parts: str, *starts: FloatArray) -> Expansion:
-        """The lowest end of descents from some points."""
-        ends = []
-        for start in starts:
-            here, damping = self._at(parts, start), GENTLE
-            for _ in range(ROUNDS):
-                low, high = (np.clip((b - here.x) / self.units, -1.0, 1.0) for b in self.bounds)
-                step, left = self._step(here, damping, (low, high))
-                if here.chi_square - left < PROMISE:
-                    break
-                there = self._at(parts, here.x + self.units * step)
-                if there.chi_square < here.chi_square:
-                    here, damping = there, max(GENTLE, 0.1 * damping)
-                else:
-                    damping = max(100.0 * damping, 1.0)
-            ends.append(here)
-        return min(ends, key=attrgetter("chi_square"))
+        """The lowest end of searches from some points."""
+        self.parts = parts
+        begins = [self._at(parts, np.clip(start, *self.bounds)) for start in starts]
+        ends = minimise(cast(LikelihoodEvaluator, self), begins, goal=Goal(promise=PROMISE))
+        return min((self._at(parts, end.end.x) for end in ends), key=attrgetter("chi_square"))
 
-    def _step(
-        self, here: Expansion, damping: float, bounds: tuple[FloatArray, FloatArray] | None = None
-    ) -> tuple[FloatArray, float]:
-        """A damped step in units of the bounds, and chi square that a straight model would have."""
+    def __call__(self, requests: Sequence[Request]) -> list[list[Sample]]:
+        """Rows of the present parts for the requests of a round, in one batch."""
+        self._values(self.parts[-1], [y[:-2] for request in requests for y in request.xs])
+        nothing = np.empty(0)
+        return [[Sample(y, self._rows(self.parts, y), nothing) for y in r.xs] for r in requests]
+
+    def _linear(self, parts: str) -> float:
+        """Chi square that a linearised model would have after a step from the solution."""
+        here = self._at(parts, self.start)
         scaled = here.matrix * self.units
-        step = damped_step(scaled, here.sample.rows, damping, bounds, LEAST_PRECISION)
-        left = here.sample.rows + here.matrix @ (self.units * step)
-        return step, float(left @ left)
+        step = damped_step(scaled, here.sample.rows, GENTLE, None, LEAST_PRECISION)
+        left = here.sample.rows + scaled @ step
+        return float(left @ left)
 
     def _at(self, parts: str, y: FloatArray) -> Expansion:
-        x, scale, factor = y[:-2], float(y[-2]), float(y[-1])
-        peaks, peaks_slope, swept, swept_slope = self._model_at(x)
-        rows, matrices = [], []
+        around = forward(y, self.likelihood.objective.steps, self.bounds[1])
+        self._values("T" if "T" in parts else "S", [node[:-2] for node in around.nodes])
+        rows = [self._rows(parts, node) for node in around.nodes]
+        sample = Sample(x=y, rows=rows[0], outputs=np.empty(0))
+        return Expansion(sample, around.quotients(rows), np.empty((0, y.size)))
+
+    def _rows(self, parts: str, y: FloatArray) -> FloatArray:
+        x, scale, factor, rows = y[:-2], float(y[-2]), float(y[-1]), []
         if "S" in parts:
-            values = math.exp(-factor) * (peaks + self.measured)
-            slope = math.exp(-factor) * peaks_slope
-            free = -values if "F" in parts else np.zeros(values.size)
-            columns = np.column_stack([slope, np.zeros(values.size), free])
-            stated = self.inverse_prior > 0.0
-            priors = np.pad(np.diag(self.inverse_prior)[stated], ((0, 0), (0, 2)))
-            rows += [
-                self.covariance.whitened(values - self.measured),
-                (self.inverse_prior * x)[stated],
-            ]
-            matrices += [self.covariance.whitened(columns), priors]
+            [peaks] = self._values("S", [x])
+            values = math.exp(-factor * ("F" in parts)) * (peaks + self.measured)
+            rows.append(self.covariance.whitened(values - self.measured))
+            rows.append((self.inverse_prior * x)[self.inverse_prior > 0.0])
         if "T" in parts:
-            values, slope = math.exp(scale) * swept, math.exp(scale) * swept_slope
+            [swept] = self._values("T", [x])
             measured = self.sweep.amplitude_v / self.sweep.maximum_v
-            columns = np.column_stack([slope, values, np.zeros(values.size)])
-            rows.append((values - measured) / self.scatter)
-            matrices.append(columns / self.scatter)
-        sample = Sample(x=y, rows=np.concatenate(rows), outputs=np.empty(0))
-        return Expansion(sample, np.concatenate(matrices), np.empty((0, y.size)))
+            rows.append((math.exp(scale) * swept - measured) / self.scatter)
+        return np.concatenate(rows)
 
-    def _model_at(self, x: FloatArray) -> tuple[FloatArray, ...]:
-        """Relative rows of the peaks and A/max L of the sweep at x, each with its slopes.
-
-        One batch, which is remembered.
-        """
-        key = x.tobytes()
-        if key not in self._known:
-            around = forward(x, self.solution.objective.steps, self.upper)
-            points = evaluate_many(self.solution.objective, around.nodes, whole=True)
-            peaks, swept = list[FloatArray](), list[FloatArray]()
-            for point in points:
-                peaks.append(point.residuals[self.peaks])
-                curve = point.scaled[self.place] / self.sweep.maximum_v
-                swept.append(np.asarray(curve, dtype=float))
-            slopes = around.quotients(peaks), around.quotients(swept)
-            self._known[key] = peaks[0], slopes[0], swept[0], slopes[1]
-        return self._known[key]
+    def _values(self, part: str, xs: Sequence[FloatArray]) -> list[FloatArray]:
+        """Relative rows of the peaks (S), or A/max L of the sweep (T), at each x; remembered."""
+        part = "T" if part != "S" else "S"
+        new = {x.tobytes(): x for x in xs if (part, x.tobytes()) not in self._known}
+        if new:
+            points = evaluate_many(self.solution.objective, [*new.values()], whole=part == "T")
+            for key, point in zip(new, points, strict=True):
+                self._known["S", key] = point.residuals[self.peaks]
+                if part == "T":
+                    curve = np.asarray(point.scaled[self.place], dtype=float)
+                    self._known["T", key] = curve / self.sweep.maximum_v
+        return [self._known[part, x.tobytes()] for x in xs]
