@@ -119,7 +119,11 @@ def infer(
         FmuFailure: the model failed at the solution.
     """
     options = options or InferenceOptions()
-    fit, sweeps = _with_doubts(fit, sweeps if earlier is None else earlier.sweeps)
+    if earlier is not None and earlier.fit is fit:
+        sweeps = earlier.sweeps
+    else:  # of another end, or of other weights
+        earlier = None
+    fit, sweeps = _with_doubts(fit, sweeps)
     read = _read(fit, options, sweeps, (), profiles=profiles)
     settled = _with_better_fit(fit, read)
     if settled is fit:
