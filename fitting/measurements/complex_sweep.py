@@ -84,7 +84,14 @@ from fitting.measurements.figure import (
 from fitting.measurements.gain import SharedGain, Solved
 from fitting.measurements.maps import ControlMaps, MappedSpectrum
 from fitting.measurements.measurement import Estimated, Measurement, Predicting, Prediction, Values
-from fitting.measurements.records import Curve, Record, StatedTable, SweepsTogether
+from fitting.measurements.records import (
+    Curve,
+    Record,
+    StatedTable,
+    SweepsTogether,
+    check_pair,
+    check_words,
+)
 from fitting.measurements.tones import PLATEAU
 from fitting.signal.roughness import roughness
 from fitting.simulate.batch import Batch
@@ -94,7 +101,6 @@ from fitting.text.arrays import (
     FloatArray,
     as_numbers,
     as_values,
-    require_size,
 )
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
@@ -124,11 +130,7 @@ class Wiring:
     background: str = "none"
 
     def __post_init__(self) -> None:
-        for name, known in (("kind", WIRINGS), ("background", BACKGROUNDS)):
-            if getattr(self, name) not in known:
-                raise BadInput(
-                    f"wiring: {name} is {getattr(self, name)!r}, wanted one of {', '.join(known)}"
-                )
+        check_words(self, "wiring", kind=WIRINGS, background=BACKGROUNDS)
 
     @property
     def has_baseline(self) -> bool:
@@ -208,17 +210,8 @@ class ComplexCurve(Record, Curve):
         where = self.source
         f = as_numbers(self.frequency_hz, f"{where}: frequencies")
         values = np.asarray(as_values(self.values, f"{where}: values"), dtype=complex)
-        if f.ndim != 1 or f.shape != values.shape:
-            raise BadInput(
-                f"{where}: frequencies {f.shape} and values {values.shape}; wanted (n,) for both"
-            )
+        check_pair(where, "frequencies", f, "values", values)
         check_count(f.size, where)
-        for name, numbers in (("frequency", f), ("X", values.real), ("Y", values.imag)):
-            for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
-                raise BadInput(
-                    f"{where}: {name} number {i + 1} is {numbers[i]}, wanted a finite number"
-                )
-        require_size(values, f"{where}: values")
         check_rising(f, where)
         if not np.any(np.abs(values) > 0.0):
             raise BadInput(f"{where}: every value is zero; wanted a resonance")

@@ -53,6 +53,7 @@ from fitting.campaign.instruments.plain import LEAST_POINTS, read_spectra_table
 from fitting.campaign.instruments.recording import Channel, Recording, Selection, of_table, unit_of
 from fitting.campaign.instruments.roles import AMPLITUDE, FREQUENCY
 from fitting.campaign.kind import MeasurementTable
+from fitting.campaign.measured import check_count, check_rising
 from fitting.fmu.description import READABLE
 from fitting.lines.excluded import clipped_points
 from fitting.lines.names import MIN_SWEEP_POINTS
@@ -68,7 +69,7 @@ from fitting.measurements.measurement import (
     Scaling,
     Values,
 )
-from fitting.measurements.records import Curve, SweepsTogether
+from fitting.measurements.records import Curve, SweepsTogether, check_pair, check_words
 from fitting.measurements.residuals import ResidualCurve, mistakes
 from fitting.signal.amplitudes import Amplitude, declared_amplitude, to_peak
 from fitting.signal.roughness import quadrature_noise, rician, roughness, roughness_freedom
@@ -83,7 +84,6 @@ from fitting.text.arrays import (
     IntArray,
     Scalar,
     as_numbers,
-    require_size,
 )
 from fitting.text.errors import BadInput, NoScale, gathered
 from fitting.text.finding import Finding, Kind, left_out
@@ -147,17 +147,11 @@ class ControlSpectrum(Curve):
     def __post_init__(self) -> None:
         where = f"control sweep: spectrum at {self.label or dict(self.settings)}"
         u, y = (as_numbers(v, where) for v in (self.frequency_hz, self.amplitude))
-        if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS:
-            raise BadInput(
-                f"{where}: frequencies of the shape {u.shape}, amplitudes {y.shape}; wanted (n,) "
-                f"each, n at least {LEAST_POINTS}"
-            )
-        if not np.all(np.isfinite(u) & (u > 0.0)) or np.any(np.diff(u) <= 0.0):
-            raise BadInput(f"{where}: wanted positive frequencies that rise strictly")
-        if not np.all(np.isfinite(y) & (y >= 0.0)) or not np.any(y > 0.0):
+        check_pair(where, "frequencies", u, "amplitudes", y)
+        check_count(u.size, where)
+        check_rising(u, where)
+        if np.any(y < 0.0) or not np.any(y > 0.0):
             raise BadInput(f"{where}: wanted amplitudes from zero on, not all of them zero")
-        require_size(u, f"{where}: frequencies")
-        require_size(y, f"{where}: amplitudes")
         object.__setattr__(self, "u_hz", u)
         object.__setattr__(self, "y", y)
         for name, value in (("sigmas", self.sigma), ("level", self.drive)):
@@ -236,10 +230,7 @@ class ControlSweep(SweepsTogether[ControlSpectrum]):
             )
         if self.logarithmic and any(np.any(s.y <= 0.0) for s in named):
             raise BadInput("control sweep: an amplitude is zero, which has no logarithm")
-        if self.scaled_by not in SCALES:
-            raise BadInput(
-                f"control sweep: scaled_by is {self.scaled_by!r}, wanted one of {', '.join(SCALES)}"
-            )
+        check_words(self, "control sweep", scaled_by=SCALES)
 
     def _label(self, spectrum: ControlSpectrum) -> str:
         return ", ".join(

@@ -46,12 +46,20 @@ from fitting.measurements.figure import (
 )
 from fitting.measurements.gain import Solved
 from fitting.measurements.measurement import Estimated, Predicting, Prediction, Values
-from fitting.measurements.records import Curve, CurvesTogether, OfSetup, ReadColumn, RecordTable
+from fitting.measurements.records import (
+    Curve,
+    CurvesTogether,
+    OfSetup,
+    ReadColumn,
+    RecordTable,
+    check_pair,
+    check_words,
+)
 from fitting.measurements.residuals import ResidualCurve, mistakes
 from fitting.signal.roughness import MEDIAN_OF_NORMAL
 from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
-from fitting.text.arrays import ComplexArray, FloatArray, as_numbers, require_size
+from fitting.text.arrays import ComplexArray, FloatArray, as_numbers
 from fitting.text.errors import BadInput, NoScale
 from fitting.text.finding import Kind
 from fitting.text.notation import number
@@ -250,15 +258,9 @@ class NoiseSpectrum(OfSetup, Curve):
 
     def __post_init__(self) -> None:
         u, y = (as_numbers(v, str(self.source)) for v in (self.frequency_hz, self.density))
-        if u.ndim != 1 or u.shape != y.shape or u.size < LEAST_POINTS + 1:
-            raise BadInput(
-                f"{self.source}: {u.shape} frequencies and {y.shape} densities; wanted as many of "
-                f"both, more than {LEAST_POINTS}"
-            )
-        if not (np.isfinite(u).all() and np.isfinite(y).all()):
-            raise BadInput(f"{self.source}: wanted finite numbers")
-        require_size(u, f"{self.source}: frequencies")
-        require_size(y, f"{self.source}: densities")
+        check_pair(str(self.source), "frequencies", u, "densities", y)
+        if u.size <= LEAST_POINTS:
+            raise BadInput(f"{self.source}: {u.size} densities; wanted more than {LEAST_POINTS}")
         for k in np.flatnonzero(np.diff(u) <= 0.0)[:1]:
             raise BadInput(
                 f"{self.source}: point {k + 2}: frequency {u[k + 1]:.9g} Hz after {u[k]:.9g} Hz; "
@@ -306,11 +308,7 @@ class NoiseSpectrum(OfSetup, Curve):
     def _check_numbers(self) -> None:
         if self.averages is not None and not 1.0 <= self.averages < np.inf:
             raise BadInput(f"{self.source}: averages: found {self.averages:g}, wanted 1 or more")
-        for name, known in (("force", FORCES), ("window", WINDOWS)):
-            if getattr(self, name) not in known:
-                raise BadInput(
-                    f"{self.source}: {name} is {getattr(self, name)!r}, wanted {', '.join(known)}"
-                )
+        check_words(self, str(self.source), force=FORCES, window=WINDOWS)
         for name in ("temperature_k", "mass_kg", "spring_constant"):
             value = getattr(self, name)
             if not 0.0 <= value < np.inf:

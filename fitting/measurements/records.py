@@ -30,11 +30,49 @@ from fitting.measurements.residuals import ResidualCurve, least_noise, mistakes,
 from fitting.measurements.response_curve import ResponseCurve, plan_curve
 from fitting.simulate.batch import Batch, Workers, together
 from fitting.simulate.drive import Drive
-from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts
+from fitting.text.arrays import ComplexArray, FloatArray, Scalar, both_parts, require_size
 from fitting.text.errors import BadInput, gathered
 from fitting.text.finding import Finding
 from fitting.text.schema import FileName, Text, Value
 from fitting.text.units import convert
+
+
+def check_pair(where: str, axis: str, x: FloatArray, name: str, y: Values) -> None:
+    """Refuse values without a place, and numbers of which nothing can be computed.
+
+    Args:
+        where: what complaints name.
+        axis: what the places are.
+        x: places, (n,).
+        name: what the values are.
+        y: values, (n,).
+
+    Raises:
+        BadInput: shapes that differ, numbers that are not finite, or too large or small a unit.
+    """
+    if x.ndim != 1 or x.shape != y.shape:
+        raise BadInput(f"{where}: {x.shape} {axis} and {y.shape} {name}; wanted (n,) of both")
+    for what, numbers in ((axis, x), (name, y)):
+        for i in np.flatnonzero(~np.isfinite(numbers))[:1]:
+            raise BadInput(f"{where}: {what}: found {numbers[i]}, wanted finite numbers")
+        require_size(numbers, f"{where}: {what}")
+
+
+def check_words(record: object, where: str, **known: Sequence[str]) -> None:
+    """Refuse fields of a record that hold other words than they may.
+
+    Args:
+        record: with these fields.
+        where: what complaints name.
+        **known: words by field.
+
+    Raises:
+        BadInput: another word.
+    """
+    for name, words in known.items():
+        if getattr(record, name) not in words:
+            wanted = " or ".join(map(repr, words))
+            raise BadInput(f"{where}: {name} is {getattr(record, name)!r}, wanted {wanted}")
 
 
 class Measured:

@@ -31,7 +31,7 @@ from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.gain import Solved
 from fitting.measurements.measurement import Predicting, Prediction
 from fitting.measurements.plan import Plan
-from fitting.measurements.records import OfSetup, Together
+from fitting.measurements.records import OfSetup, Together, check_pair, check_words
 from fitting.measurements.steps import (
     MOST_STEPS,
     REFINED_STEPS,
@@ -57,7 +57,6 @@ from fitting.text.arrays import (
     Scalar,
     as_numbers,
     as_values,
-    require_size,
 )
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 
@@ -124,15 +123,10 @@ class TimeRecord(OfSetup):
         t = as_numbers(self.time_s, f"{self.source}: times")
         read = as_values if self.is_demodulated else as_numbers
         y = read(self.values, f"{self.source}: values")
-        if t.shape != y.shape:
-            raise BadInput(f"{self.source}: {t.shape} times and {y.shape} values")
-        if not (np.isfinite(t).all() and np.isfinite(y).all()):
-            raise BadInput(f"{self.source}: wanted finite numbers")
-        require_size(t, f"{self.source}: times")
-        require_size(y, f"{self.source}: values")
+        check_pair(self.source, "times", t, "values", y)
         object.__setattr__(self, "spacing_s", spacing_s(t, self.source))
         self._set_samples(t, y)
-        self._refuse_other_words("begin", BEGINS)
+        check_words(self, self.source, begin=BEGINS)
         if not self.sigma >= 0.0:
             raise BadInput(f"{self.source}: sigma is wanted as zero or more")
         self.check_statements()
@@ -145,13 +139,6 @@ class TimeRecord(OfSetup):
     def _set_samples(self, t: FloatArray, y: FloatArray | ComplexArray) -> None:
         object.__setattr__(self, "t", t)
         object.__setattr__(self, "y", y)
-
-    def _refuse_other_words(self, name: str, known: tuple[str, ...]) -> None:
-        if getattr(self, name) not in known:
-            raise BadInput(
-                f"{self.source}: {name} is {getattr(self, name)!r}, wanted "
-                f"{' or '.join(repr(word) for word in known)}"
-            )
 
     def check_statements(self) -> None:
         """Complain of fields that do not go together."""

@@ -59,7 +59,7 @@ from fitting.measurements.figure import (
     residual_points,
 )
 from fitting.measurements.measurement import Values
-from fitting.measurements.records import ReadColumn, StatedTable
+from fitting.measurements.records import ReadColumn, StatedTable, check_words
 from fitting.measurements.residuals import ResidualCurve, mistakes
 from fitting.measurements.steps import REFINED_STEPS, Look, StepPlan
 from fitting.measurements.time_record import (
@@ -173,8 +173,7 @@ class Trace(TimeRecord):
 
     def check_statements(self) -> None:
         """Complain of fields that do not go together."""
-        self._refuse_other_words("gain", GAINS)
-        self._refuse_other_words("start", STARTS)
+        check_words(self, self.source, gain=GAINS, start=STARTS)
         if self.begin != FIRST and (self.start != UNKNOWN or self.driven is not None):
             raise BadInput(
                 f'{self.source}: begin = "found" looks for a free decay; wanted start = "unknown" '

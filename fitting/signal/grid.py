@@ -24,6 +24,7 @@ from fitting.signal.window import (
     folded,
     kept_apart,
     longest_window_s,
+    span_s,
     whole_steps,
 )
 from fitting.text.arrays import FloatArray
@@ -211,11 +212,7 @@ def _divided(common: Fraction, step_s: Fraction, least: int) -> Iterator[tuple[i
 
 def _fitted(grid: Grid, tones: tuple[float, ...], settle_s: float, samples: int) -> Window:
     """Samples of a tone fit: the whole steps between them at which it amplifies rounding least."""
-    gaps = [abs(a - b) for i, a in enumerate(tones) for b in tones[:i]]
-    if gaps and min(gaps) <= 0.0:
-        raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
-    span_s = 1.0 / min([*gaps, *tones])
-    counts = np.linspace(0.8, 2.5, TRIED_STEPS) * span_s / samples / grid.step_s
+    counts = np.linspace(0.8, 2.5, TRIED_STEPS) * span_s(tones) / samples / grid.step_s
     tried = np.unique(np.maximum(np.round(counts), 1.0))
     conditions = [_condition(tones, samples, float(n) * grid.step_s) for n in tried]
     k = int(np.argmin(conditions))

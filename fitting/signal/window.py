@@ -236,6 +236,21 @@ def plan_window(
     )
 
 
+def span_s(tones_hz: tuple[float, ...]) -> float:
+    """Time in which a fit distinguishes tones, also from the mean, which is one of 0 Hz, s.
+
+    Args:
+        tones_hz: frequencies of the tones, Hz.
+
+    Raises:
+        BadInput: two equal tones.
+    """
+    gaps = [abs(a - b) for i, a in enumerate(tones_hz) for b in tones_hz[:i]]
+    if gaps and min(gaps) <= 0.0:
+        raise BadInput(f"drive frequencies {tones_hz} Hz: two are the same; wanted different ones")
+    return 1.0 / min([*gaps, *tones_hz])
+
+
 def _incoherent(
     tones: tuple[float, ...],
     near_hz: tuple[float, ...],
@@ -243,10 +258,7 @@ def _incoherent(
     samples: int,
     samples_per_period: int,
 ) -> Window:
-    gaps = [abs(a - b) for i, a in enumerate(tones) for b in tones[:i]]
-    if gaps and min(gaps) <= 0.0:
-        raise BadInput(f"drive frequencies {tones} Hz: two are the same; wanted different ones")
-    span = 1.0 / min([*gaps, *tones])  # the mean is a tone of 0 Hz: keep off it as well
+    span = span_s(tones)
     # more than unknowns: lines far from the tones fold to anywhere, and not onto another one
     samples += 3 * len(near_hz)
     best, best_step = math.inf, 0.0

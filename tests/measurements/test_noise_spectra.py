@@ -409,7 +409,7 @@ SOME = np.linspace(1.0, 2.0, 20)
         pytest.param(SOME, SOME, {"averages": 0}, "averages: found 0", id="averages"),
         pytest.param(SOME - 1.5, SOME, {}, "below zero", id="negative"),
         pytest.param(SOME**2, SOME, {"window": "hann"}, "wanted even ones", id="uneven"),
-        pytest.param(SOME, SOME, {"window": "kaiser"}, "none, hann", id="window"),
+        pytest.param(SOME, SOME, {"window": "kaiser"}, "'none' or 'hann'", id="window"),
         pytest.param(
             SOME,
             SOME,

@@ -119,7 +119,7 @@ def test_an_internal_quality_that_noise_hides_has_an_interval_open_above(
 
 
 def test_a_word_that_is_no_wiring_is_refused() -> None:
-    with pytest.raises(BadInput, match=r"kind is 'notches'.* transmission"):
+    with pytest.raises(BadInput, match=r"kind is 'notches'.* 'transmission'"):
         ff.Wiring(kind="notches")
 
 
