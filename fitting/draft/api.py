@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from fitting.draft.sweeps import NOISE, sweeps_draft, table_of, with_units
 from fitting.resonance.reading import Columns
 from fitting.text.errors import BadInput, gathered
 from fitting.text.notation import listed
+from fitting.text.rendering import blocks
 from fitting.text.results_folder import results_folder, write_whole
 
 __all__ = ["CAMPAIGN", "KEYS", "Ask", "Question", "init"]
@@ -56,8 +58,8 @@ def init(
         out: Folder for campaign.toml, made where there is none.
         columns: Of the files, what they do not state.
         told: Choices by name: "output", "tone", "input", "fit" (several), "amplitudes" ("peak",
-            "rms"), "kind" ("noise", "sweep"), "interface", "control" of several files, as "Vg" or
-            "Vg=-6:6:1".
+            "rms"), "kind" ("noise", "sweep"), "interface", "control" of a map with several, as
+            "Vg", or of several files, as "Vg" or "Vg=-6:6:1".
         ask: Asks a person for further choices; None: defaults are used and reported.
 
     Returns:
@@ -115,6 +117,9 @@ def drafted(
         if draft.listing:
             write_whole(folder / LIST, draft.listing)
         path = folder / CAMPAIGN
+        if path.exists() and path.read_text("utf-8") != draft.text:
+            words = str(blocks("draft/text").replaced(path))
+            draft = replace(draft, notes=(*draft.notes, words))
         write_whole(path, draft.text)
     return path, draft
 
@@ -161,7 +166,7 @@ def _of_frequency(
     control = answers.one("control")
     if not tables and (control is not None or NOISE not in answers.requested.get("kind", ())):
         joint = fmu is not None and fmu != TWO_MODES
-        file = map_of_files(given, control, folder, joint=joint)
+        file = map_of_files(given, answers, folder, joint=joint)
         if file is not None:
             with opened_offer(fmu or TWO_MODES, answers.one("interface")) as offer:
                 return map_draft(file, offer, answers, folder)

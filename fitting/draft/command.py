@@ -54,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--control",
         metavar="NAME[=VALUES]",
-        help='quantity that differs between sweeps, as "Vg", or with its values, as "Vg=-6:6:1 '
-        'V" or "T=4,10,20 K" (in their names or above their tables)',
+        help='quantity that differs between sweeps, as "Vg": a column of a map, or in names or '
+        'heads of files; or with its values, as "Vg=-6:6:1 V" or "T=4,10,20 K"',
     )
     parser.add_argument(
         "--output",

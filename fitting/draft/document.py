@@ -231,6 +231,7 @@ def draft_from(  # noqa: PLR0913 - the parts of a campaign
     undescribed: str = "",
     missing: str = "",
     listing: Sequence[Sequence[str | Path]] = (),
+    unused: Sequence[tuple[Path, Sequence[str]]] = (),
 ) -> Draft:
     """The draft of a campaign, after it was read and bound as `reconstruct` will do it.
 
@@ -250,6 +251,7 @@ def draft_from(  # noqa: PLR0913 - the parts of a campaign
         undescribed: see `Draft`.
         missing: what becomes a table at the end without its marks; empty: nothing is missing.
         listing: rows of the table of files that it reads; empty: there is none.
+        unused: columns of the files that vary and that the campaign does not use.
 
     Raises:
         BadInput: the tables do not suit the FMU or its files.
@@ -299,9 +301,12 @@ def draft_from(  # noqa: PLR0913 - the parts of a campaign
             )
             raise BadInput(*(f"the draft does not suit: {each}" for each in errors)) from error
     first = "A campaign for this FMU, written by fmu-fit init: what is missing stands at its end."
-    head = (first, HEAD[1]) if missing else (*HEAD, *wrap(undescribed, HEAD_WIDTH))
-    starts = [str(blocks("draft/text").start(box)) for box in boxes]
-    notes = (*notes, *answers.notes, *starts)
+    text = blocks("draft/text")
+    without = [str(text.unused(path.name, columns)) for path, columns in unused if columns]
+    beyond = [line for each in (*without, undescribed) for line in wrap(each, HEAD_WIDTH)]
+    head = (first, HEAD[1]) if missing else (*HEAD, *beyond)
+    starts = [str(text.start(box)) for box in boxes]
+    notes = (*notes, *without, *answers.notes, *starts)
     listed_files = _listing(listing, folder) if listing else ""
     return Draft(_text(tables, folder, head) + missing, notes, undescribed, listed_files)
 

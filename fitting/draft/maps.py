@@ -62,6 +62,7 @@ from fitting.resonance.reading import (
     lead,
     map_in,
     roles_of,
+    unused_columns,
     values_in,
 )
 from fitting.signal.least_squares import minimise_squares
@@ -100,12 +101,11 @@ MOST_TURNS, STEPS, CABLE = 40, 16, 0.8
 #: Exponents of the logarithms of gap and widths stay below it.
 LARGEST = 50.0
 
-#: Control as it is stated: its name, its values, their unit.
+#: Control as it is stated: its name, and first:last:step or values, with their unit.
 _REQUESTED = re.compile(
-    rf"(?P<name>{NAME})\s*(?:[(\[](?P<unit>[^()\[\]]*)[)\]])?\s*(?:=\s*(?P<values>.+))?"
+    rf"\s*(?P<name>{NAME})\s*(?:=\s*(?:(?P<range>{REAL}:{REAL}:{REAL})|"
+    rf"(?P<list>{REAL}(?:\s*,\s*{REAL})*))\s*(?P<unit>{UNIT})?\s*)?"
 )
-_RANGE = re.compile(rf"(?P<a>{REAL}):(?P<b>{REAL}):(?P<step>{REAL})\s*(?P<unit>{UNIT})?")
-_LIST = re.compile(rf"(?P<list>{REAL}(?:\s*,\s*{REAL})*)\s*(?P<unit>{UNIT})?")
 
 
 # --- files ---------------------------------------------------------------------------------------
@@ -138,6 +138,35 @@ class MapFile:
             f"{self.control_map.path}: is a map, {self.control_map.words}; {why}. {way}"
         )
 
+    def over_one_control(self, answers: Answers) -> MapFile:
+        """The map over the control that is asked for, or over the only one.
+
+        Args:
+            answers: of flags or a person.
+
+        Raises:
+            BadInput: several controls of which none is stated, or that has a value twice.
+        """
+        names = [c.name for c in self.control_map.controls]
+        chosen = names[0]
+        if len(names) > 1 or answers.one("control"):
+            if answers.ask is None and not answers.one("control"):
+                raise self.refused(
+                    f"a draft has one control, and {listed(names)} differ from spectrum to "
+                    f"spectrum; wanted one of them by --control, as --control {names[0]}, if the "
+                    "other changes nothing"
+                )
+            words = "Which column is the control? All others are taken to change nothing."
+            [chosen] = answers.choose("control", names, (), "", words)
+        k = names.index(chosen)
+        settings = self.control_map.settings[:, [k]]
+        if np.unique(settings).size < len(settings):
+            raise self.refused(f"'{chosen}' alone has a value twice, wanted a spectrum at each")
+        controls = (self.control_map.controls[k],)
+        return replace(
+            self, control_map=replace(self.control_map, controls=controls, settings=settings)
+        )
+
     def amplitudes(self) -> Spectra:
         """The amplitudes of all spectra.
 
@@ -164,13 +193,14 @@ def _spectrum(
 
 
 def map_of_files(
-    given: Sequence[tuple[Path, Columns]], requested: str | None, folder: Path, *, joint: bool
+    given: Sequence[tuple[Path, Columns]], answers: Answers, folder: Path, *, joint: bool
 ) -> MapFile | None:
     """A file that is a map, or several sweeps as one over a control; None of other files.
 
     Args:
         given: the files, in the order of values that are stated, with what is stated of columns.
-        requested: the control by its name, or with its values, as "Vg=-6:6:1"; None: it is found.
+        answers: of flags or a person: the control by its name, or of several files with its values,
+            as "Vg=-6:6:1"; without it is found.
         folder: in which the campaign and the list of the files will be.
         joint: whether sweeps with phases are one campaign without a control, too.
 
@@ -178,12 +208,7 @@ def map_of_files(
         BadInput: a map next to other files; several sweeps of amplitudes without a control, or one
             that does not suit them.
     """
-    paths = [path for path, _ in given]
-    if len(paths) < 2 and requested is not None:
-        raise BadInput(
-            f"--control: is of several sweeps, a file for each value; found "
-            f"{how_many(len(paths), 'file')}"
-        )
+    paths, requested = [path for path, _ in given], answers.one("control")
     try:
         roles = gathered([partial(roles_of, *each) for each in given])
         maps = [(each, map_in(each)) for each in roles]
@@ -197,7 +222,12 @@ def map_of_files(
             file = MapFile(roles=each, control_map=control_map, spectra=spectra)
             if len(paths) > 1:
                 raise file.refused("wanted it without other files")
-            return file
+            return file.over_one_control(answers)
+    if len(paths) < 2 and requested is not None:
+        raise BadInput(
+            "--control: is a column of a map, or of several sweeps, a file for each value; found "
+            f"{how_many(len(paths), 'file')} without such a column"
+        )
     phased = any(each.is_complex for each in roles)
     few = len(paths) < (LEAST_SPECTRA if phased else 2)
     if requested is None and (
@@ -206,16 +236,8 @@ def map_of_files(
         return None
 
     # the control: its values are stated, or it is the one quantity that differs
-    match = None if requested is None else _REQUESTED.fullmatch(requested.strip())
-    if requested is not None and match is None:
-        raise BadInput(
-            f"--control: found {shown(requested)}, wanted a name and values, as Vg=-6:6:1"
-        )
-    if match is not None and match["values"] is not None:
-        where, name = "as asked for", match["name"]
-        values, unit = _requested_values(match["values"].strip(), name, paths)
-        unit = match["unit"] or unit or "1"
-    else:
+    result = None if requested is None else _requested_values(requested, paths)
+    if result is None:
         result = differing_quantity(paths, requested)
         if result is None:
             if phased:
@@ -227,7 +249,7 @@ def map_of_files(
                 "wanted it by --control, as --control Vg=-6:6:1 in the order of the files, or one "
                 "sweep"
             )
-        where, name, unit, values = result
+    where, name, unit, values = result
     if len(set(values)) < len(values):
         raise BadInput(f"--control: '{name}' has a value twice, {where}; wanted a sweep at each")
 
@@ -258,22 +280,26 @@ def map_of_files(
     )
 
 
-def _requested_values(text: str, name: str, paths: Sequence[Path]) -> tuple[tuple[float, ...], str]:
-    """The values of a control that are stated, one for each file, and their unit."""
-    steps, several = _RANGE.fullmatch(text), _LIST.fullmatch(text)
-    if steps is not None:
-        a, b, step = (float(steps[key]) for key in ("a", "b", "step"))
+def _requested_values(
+    text: str, paths: Sequence[Path]
+) -> tuple[str, str, str, tuple[float, ...]] | None:
+    """A control with values, one for each file, as `differing_quantity` has it; None: a name."""
+    match = _REQUESTED.fullmatch(text)
+    if match is None:
+        raise BadInput(
+            f"--control: found {shown(text)}, wanted a name, and values as first:last:step or with "
+            "commas, as Vg=-6:6:1"
+        )
+    name, values = match["name"], tuple(map(float, (match["list"] or "nan").split(",")))
+    if match["range"]:
+        a, b, step = map(float, match["range"].split(":"))
         count = (b - a) / step if step else math.inf
         if not 0.0 < count < MOST_VALUES or abs(count - round(count)) > 1e-6:
             raise BadInput(f"--control: found {shown(text)}, wanted first:last:step, whole steps")
-        made = np.linspace(a, b, round(count) + 1)
-        values, unit = tuple(float(f"{value:.12g}") for value in made), steps["unit"] or ""
-    elif several is not None:
-        values, unit = tuple(map(float, several["list"].split(","))), several["unit"] or ""
-    else:
-        raise BadInput(
-            f"--control: found {shown(text)}, wanted first:last:step, or values with commas"
-        )
+        steps = np.linspace(a, b, round(count) + 1).tolist()
+        values = tuple(float(f"{value:.12g}") for value in steps)
+    elif not match["list"]:
+        return None
     if len(values) != len(paths):
         raise BadInput(
             f"--control: {how_many(len(values), 'value')} for {how_many(len(paths), 'file')}; "
@@ -286,7 +312,7 @@ def _requested_values(text: str, name: str, paths: Sequence[Path]) -> tuple[tupl
             f"{written[1][0]:g} to {written[1][-1]:g} by their names; wanted the values in the "
             "order of the files, or the name alone"
         )
-    return values, unit
+    return "as asked for", name, match["unit"] or "1", values
 
 
 # --- two modes through a map ---------------------------------------------------------------------
@@ -641,6 +667,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
         place = number(crossing.place, 2 + math.ceil(more))
     result = blocks("draft/text").map(file, crossing, control, place, len(laws) > 1, delayed)
     notes = (*sentence_lines(lead(roles)), *str(result).splitlines())
+    taken = roles.all if file.listing else (control, *roles.all)
     return draft_from(
         offer,
         folder,
@@ -652,6 +679,7 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
         boxes=boxes,
         notes=(*([file.words] if file.words else []), *notes),
         listing=file.listing,
+        unused=[(roles.recording.path, unused_columns(roles.recording, taken))],
     )
 
 
@@ -671,8 +699,6 @@ def _suited(file: MapFile, offer: Offer, answers: Answers) -> tuple[Channel, tup
                 f"--{key}: of a map {listed(PAIR)} are fitted, under one tone; wanted another "
                 "choice in the campaign itself"
             )
-    if len(file.control_map.controls) > 1:
-        raise file.refused("a draft has one control")
     if len(file.control_map.rows) < LEAST_SPECTRA:
         raise file.refused(f"wanted {LEAST_SPECTRA} spectra at least, which determine a law")
     [channel] = file.control_map.controls

@@ -60,7 +60,7 @@ from fitting.measurements.time_record import DETECTED
 from fitting.measurements.traces import FIT, STATES_OF_ONE, UNKNOWN
 from fitting.measurements.waveform import HOLD, LINEAR
 from fitting.resonance.decay_reading import decay_roles_of, is_over_time, read_decay_of
-from fitting.resonance.reading import Columns, Roles, with_unit
+from fitting.resonance.reading import Columns, Roles, unused_columns, with_unit
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, FmuFailure
 from fitting.text.notation import how_many, listed
@@ -106,7 +106,7 @@ class TimeFile:
     """Columns over time, and what they hold as far as that is known.
 
     ``observed`` is the output's, ``driven`` the input's, None: none drives; ``further`` are those
-    of further inputs, by their names.
+    of further inputs, by their names; ``kept`` all names that are stated, empty: any column counts.
     """
 
     table: Recording
@@ -115,11 +115,19 @@ class TimeFile:
     driven: Channel | None = None
     interpolation: str = LINEAR
     further: tuple[Channel, ...] = ()
+    kept: frozenset[str] = frozenset()
 
     @property
     def others(self) -> tuple[Channel, ...]:
-        """All columns but that of times."""
-        return tuple(c for c in self.table.channels if c.name != self.time.name)
+        """All columns that count but that of times."""
+        channels = (c for c in self.table.channels if c.name != self.time.name)
+        return tuple(c for c in channels if not self.kept or c.name in self.kept)
+
+    @property
+    def taken(self) -> tuple[Channel, ...]:
+        """All columns that are taken for something."""
+        driven = () if self.driven is None else (self.driven,)
+        return (self.time, self.observed, *driven, *self.further)
 
     def time_s(self, most: int | None = None) -> FloatArray:
         """Times of the first samples, s.
@@ -314,10 +322,9 @@ def _requested_columns(file: TimeFile, columns: Mapping[str, str], offer: Offer)
     if OUTPUT not in columns:
         return file
     table = file.table
-    kept = {file.time.name, *(table.column(name).name for name in columns.values())}
+    kept = {table.column(name).name for name in columns.values()}
     kept |= {c.name for c in file.others if any(_is_called(c, n) for n in offer.inputs)}
-    channels = tuple(c for c in table.channels if c.name in kept)
-    return replace(file, table=replace(table, channels=channels))
+    return replace(file, kept=frozenset(kept))
 
 
 # --- free decays ---------------------------------------------------------------------------------
@@ -555,6 +562,7 @@ def _traces_draft(
         measured={"observe": {"output": output}, "trace": traces},
         boxes=boxes,
         notes=notes,
+        unused=[(each.table.path, unused_columns(each.table, each.taken)) for each in files],
     )
 
 
@@ -583,8 +591,7 @@ def _trace_columns(file: TimeFile, output: str, driven: str) -> dict[str, Any]:
 def _described(file: TimeFile, output: str, driven: str) -> list[str]:
     """What a file was taken for, in sentences."""
     words = blocks("draft/text")
-    columns = [file.time, file.observed, *([file.driven] if file.driven else []), *file.further]
-    taken = [f"'{c.name}' in {c.unit}" for c in columns if file.has_no_unit(c)]
+    taken = [f"'{c.name}' in {c.unit}" for c in file.taken if file.has_no_unit(c)]
     stated = [str(words.recording(file, output, driven))]
     return stated + ([str(words.assumed(taken))] if taken else [])
 

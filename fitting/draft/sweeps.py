@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import gammaln
 
 from fitting.campaign.instruments.roles import (
     DENSITY,
@@ -73,7 +74,7 @@ from fitting.draft.model import (
 from fitting.extension.fmu import HOLD_STEPS
 from fitting.extension.records import PLAIN
 from fitting.lines import noise_spectrum
-from fitting.lines.choice import chance
+from fitting.lines.choice import SIMPLER, chance
 from fitting.lines.excluded import spike_note, spikes_in
 from fitting.lines.line import Line, line_of
 from fitting.lines.names import (
@@ -83,6 +84,7 @@ from fitting.lines.names import (
     RICE,
     SLOPE,
     SLOPED,
+    SQUARED,
     TAIL,
     WORDS,
     WORDS_COMPLEX,
@@ -100,6 +102,7 @@ from fitting.resonance.reading import (
     read_trace_of,
     roles_of,
     sweep_roles,
+    unused_columns,
 )
 from fitting.signal.least_squares import minimise_squares
 from fitting.text.arrays import FloatArray, Scalar, both_parts
@@ -117,8 +120,6 @@ SEPARATE, COUPLED, DRIVEN = MODELS = ("separate", "coupled", "driven")
 LEAST_GAIN, SPAN, SHARE = 10.0, 3.0, 0.05
 #: Mean square of steps between residuals over that of these: 2 of noise, 0 of a smooth misfit.
 ROUGH = 1.0
-#: How much less a density has to scatter than its root, where the unit is that of amplitudes.
-PLAINLY = 1.5
 #: The column that makes a table one of experiments, and what columns of errors begin with.
 LABEL, SIGMA_PREFIXES = "experiment", ("s_", "sigma", "std", "err")
 PHASE_UNITS = ("deg", "rad", "°")
@@ -218,6 +219,11 @@ class SweepFile:
         return self.density is not None
 
     @property
+    def unused(self) -> tuple[str, ...]:
+        """Columns that vary and are not taken."""
+        return unused_columns(self.roles.recording, self.roles.all)
+
+    @property
     def has_own_forces(self) -> bool:
         """Whether it is the noise of two modes that heat moves, each by itself."""
         lines = self.noise
@@ -229,7 +235,7 @@ class TableFile:
     """A table of experiments: a row each, with the frequencies of its tones.
 
     ``tones`` are the columns of frequencies, ``peaks`` those of amplitudes, one per tone (none:
-    there are spectra), ``sigmas`` and ``phases`` next to them.
+    there are spectra), ``sigmas`` and ``phases`` next to them; ``unused`` names others that vary.
     """
 
     path: Path
@@ -238,6 +244,7 @@ class TableFile:
     peaks: tuple[Column, ...]
     sigmas: tuple[Column, ...]
     phases: tuple[Column, ...]
+    unused: tuple[str, ...]
 
 
 # --- what files hold -----------------------------------------------------------------------------
@@ -312,13 +319,18 @@ def table_of(path: Path) -> TableFile | None:
             f"{path}: is a table of experiments without a column of frequencies, as 'u1 (MHz)'; "
             "wanted one for each tone of the drive"
         )
+    sigmas = sigmas if len(sigmas) == len(peaks) else ()
+    phases = phases if len(phases) == len(peaks) else ()
+    taken = [label, *tones, *peaks, *sigmas, *phases]
+    free = [c for c in table.columns if c not in taken and len({*table.texts(c)}) > 1]
     return TableFile(
         path=path,
         labels=table.texts(label),
         tones=tones,
         peaks=peaks,
-        sigmas=sigmas if len(sigmas) == len(peaks) else (),
-        phases=phases if len(phases) == len(peaks) else (),
+        sigmas=sigmas,
+        phases=phases,
+        unused=tuple(f"'{c.name}'" for c in free),
     )
 
 
@@ -347,7 +359,9 @@ def _pattern(table: TableFile, sweeps: Sequence[SweepFile]) -> str:
     )
 
 
-def _guessed(roles: Roles, frequency_hz: FloatArray) -> tuple[Density, bool] | None:
+def _guessed(
+    roles: Roles, frequency_hz: FloatArray
+) -> tuple[Density, noise_spectrum.NoiseFit, bool] | None:
     """The density that a column may be without its unit or name, and whether its scatter shows it.
 
     A density that nothing drives scatters by the same share of itself everywhere, a sweep by the
@@ -364,31 +378,49 @@ def _guessed(roles: Roles, frequency_hz: FloatArray) -> tuple[Density, bool] | N
     levels = unit.startswith("dB")
     if not levels and np.any(numbers <= 0.0):
         return None
-    # it is what scatters less, density or root: of a density that is read as a root the squares
-    # scatter twice as much
-    of_amplitudes = any(same_kind(unit, each) for each in OBSERVED_UNITS[:-1])
-    weights = {ROOT: 0.5, DENSITY: PLAINLY if of_amplitudes else 1.0}
+    ways: tuple[str, ...] = HOLDS
+    if levels:
+        ways = (DENSITY,)  # in decibels both are one
+    elif any(same_kind(unit, each) for each in OBSERVED_UNITS[:-1]):
+        ways = (ROOT,)
     tried = []
-    for way in HOLDS:
+    for way in ways:
         density = replace(relative_density(numbers, channel.unit, way), holds=way)
         with contextlib.suppress(ValueError):
             lines = noise_spectrum.noise_lines(frequency_hz, density.numbers)
             if lines is not None:
-                tried.append((weights[way] / math.sqrt(lines.averages), density, lines))
+                tried.append((_criterion(density, lines), density, lines))
     if not tried:
         return None
-    _, density, lines = min(tried, key=lambda each: each[0])
+    near = min(criterion for criterion, _, _ in tried) + SIMPLER
+    _, density, lines = min(
+        (each for each in tried if each[0] <= near), key=lambda each: (each[2].unknowns, each[0])
+    )
     curve = np.sqrt(lines.curve) if density.is_root else lines.curve
     y = relative_density(numbers, unit, DENSITY).numbers if levels else numbers
     shares = (y - curve) / curve
     # residuals of another curve follow each other, and are not what points scatter by
     is_rough = float(np.mean(np.diff(shares) ** 2)) > ROUGH * float(np.mean(shares**2))
+    tiny = np.finfo(float).tiny  # of points without any scatter
     amount, share = (
-        0.5 * y.size * math.log(float(np.mean(each**2))) for each in (y - curve, shares)
+        0.5 * y.size * math.log(max(float(np.mean(each**2)), tiny)) for each in (y - curve, shares)
     )
     gains = amount - share - float(np.sum(np.log(curve))) > LEAST_GAIN
     high = float(np.max(curve)) > SPAN * float(np.min(curve))
-    return density, is_rough and gains and high and SHARE**2 * lines.averages < 1.0
+    return density, lines, is_rough and gains and high and SHARE**2 * lines.averages < 1.0
+
+
+def _criterion(density: Density, lines: noise_spectrum.NoiseFit) -> float:
+    """Akaike's criterion of a column as a density, or as its root, of which it has the lines.
+
+    A density and its root scatter alike; what differs is how many lines they need, and how well
+    these follow the points. The likelihood is that of the column itself in both cases.
+    """
+    p, m = density.numbers, lines.averages
+    share = m * p / lines.curve
+    column = np.log(2.0) + 0.5 * np.log(p) if density.is_root else 0.0  # d p/d y
+    terms = m * np.log(share) - share - gammaln(m) - np.log(p) + column
+    return 2.0 * (lines.unknowns + 1) - 2.0 * float(np.sum(terms))
 
 
 def sweep_of(path: Path, columns: Columns, answers: Answers) -> SweepFile:
@@ -411,13 +443,16 @@ def sweep_of(path: Path, columns: Columns, answers: Answers) -> SweepFile:
     plain = roles.recording.layout == PLAIN and frequency is not None and frequency.unit is not None
     plain = plain and bool(np.all(np.diff(f) > 0.0))
     guessed = _guessed(roles, f) if plain and density is None and kind != "sweep" else None
-    if guessed is not None and (kind or guessed[1]):
-        density = guessed[0]
+    if guessed is not None and (kind or guessed[2]):
+        density, lines, _ = guessed
         words = f"{path.name}: is it a noise spectrum without a drive, or a sweep of amplitudes?"
         why = "a guess: its points scatter by the same share of themselves everywhere, as the "
         why += f"{'root of the density' if density.is_root else 'density'} of noise does"
         [kind] = answers.choose("kind", (NOISE, "sweep"), [NOISE], why, words)
         density = density if kind == NOISE else None
+        if density is not None and not (roles.sizes and roles.sizes.unit):
+            text = blocks("draft/text").assumed_density(roles.sizes, density.is_root, lines)
+            answers.notes.append(str(text))
     if density is not None and plain and np.all(density.numbers > 0.0):
         return _noise_of(path, roles, density)
     if kind == NOISE:
@@ -437,6 +472,11 @@ def sweep_of(path: Path, columns: Columns, answers: Answers) -> SweepFile:
     except BadInput as error:
         return replace(made, trouble=str(error))
     else:
+        if line.wiring in SQUARED:
+            raise BadInput(
+                f"{path}: its column of amplitudes looks like a power: the square of a line "
+                "describes its points, and a line does not; wanted its root, an amplitude"
+            )
         reading = (*made.reading, *of_kind(line.reading, Kind.top_excluded))
         made, is_reversed = replace(made, reading=reading), line.phases_reversed
         both = as_two(line, line.second)
@@ -712,6 +752,10 @@ def sweeps_draft(
             notes=_notes(sweeps, main, table, pattern, offer, held),
             undescribed=undescribed,
             missing=missing,
+            unused=[
+                *((each.path, each.unused) for each in (*sweeps, *spectra[:1])),
+                *([] if table is None else [(table.path, table.unused)]),
+            ],
         )
 
 
@@ -856,7 +900,9 @@ def _output(sweeps: Sequence[SweepFile], offer: Offer, answers: Answers) -> str:
     unit = next((c.unit for c in sizes if c is not None and c.unit), None)
     alike = [n for n in offer.outputs if unit and same_kind(offer.unit(n), unit)]
     default = (alike or offer.outputs)[0]
-    why = f"in {offer.unit(default)} like the file" if alike else FIRST_OUTPUT
+    own = offer.unit(default)
+    why = f"in {own} like the file" if own == unit else f"in {own}, which suits the file's {unit}"
+    why = why if alike else FIRST_OUTPUT
     [output] = answers.choose("output", offer.outputs, [default], why)
     return output
 

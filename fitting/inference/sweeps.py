@@ -288,6 +288,7 @@ def line_findings(line: SweepLine, *, fitted: bool) -> Iterator[Finding]:
         },
         shift_hz=full.frequency.value - plain.frequency.value,
         sigmas=_apart(plain.frequency, full.frequency),
+        width_sigmas=_apart(plain.width, full.width),
         p_value=line.background_p,
         fitted=float(fitted),
         **numbers,

@@ -30,6 +30,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from fitting.lines.form import LineFit
+from fitting.lines.names import SQUARED
 from fitting.lines.record import FormFit, LineNumber
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, Structure
 from fitting.signal.student import ratio95
@@ -46,8 +47,9 @@ SIMPLER, EQUAL = 6.0, 4.0
 FAR_MORE = 25.0
 #: Error of the height of a line over that from which a model determines no line.
 DETERMINED = 0.2
-#: By how much the criterion has to be lower: noise of single readings looks like none where small.
-DOUBT = {"single": 2.0}
+#: By how much the criterion has to be lower: noise of single readings looks like none where small,
+#: and a column of amplitudes that is a power is not expected.
+DOUBT = {"single": 2.0, **dict.fromkeys(SQUARED, PLAINLY)}
 
 
 def criteria_of(fits: Sequence[FormFit], rows: int) -> FloatArray:

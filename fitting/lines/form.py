@@ -7,6 +7,7 @@
 | fano | abs(a g + b), b complex | a g + b |
 | floor, rice | a abs(g) with noise, of which powers or amplitudes were averaged | |
 | single | a abs(g) with noise in every single reading (`fitting.lines.rice`) | |
+| squared, squared_offset | a abs(g)^2, + c: a column that is a power | |
 | tail | abs(a g + c g'), g' outside of the points | a g + c g' in every form |
 | duffing, duffing_offset | a abs(h), + c | a h, + b |
 
@@ -174,13 +175,12 @@ class LineFit(FormFit):
     forms: tuple[TriedForm, ...] = ()
 
 
-def fit_form(  # noqa: PLR0913 - what a fit may know
+def fit_form(
     frequency_hz: FloatArray,
     values: FloatArray | ComplexArray,
     form: Form,
     starts: Sequence[Start] = (),
     *,
-    sigma: float | None = None,
     weights: FloatArray | None = None,
     source: str = "sweep",
 ) -> LineFit:
@@ -191,7 +191,6 @@ def fit_form(  # noqa: PLR0913 - what a fit may know
         values: amplitudes, or complex values with phases as Re[values exp(i 2 pi f t)], (n,).
         form: what is fitted.
         starts: where the fit may begin; none of amplitudes: from their largest and least point.
-        sigma: standard deviation of an amplitude, if known, in its unit.
         weights: relative ones of the values, one over their standard deviation, (n,).
         source: of the data, for errors.
 
@@ -201,7 +200,7 @@ def fit_form(  # noqa: PLR0913 - what a fit may know
     largest = float(np.max(np.abs(values)))
     top = largest if largest > 0.0 else 1.0
     y = np.asarray(values / top, dtype=complex if np.iscomplexobj(values) else float)
-    fitted = _Fitted(frequency_hz, y, form, top, source, weights, sigma)
+    fitted = _Fitted(frequency_hz, y, form, top, source, weights)
     try:
         return fitted.line(starts)
     except (ValueError, np.linalg.LinAlgError) as error:
@@ -215,7 +214,6 @@ def fit_resonance(
     amplitude: FloatArray,
     *,
     background: str = "none",
-    sigma: float | None = None,
     source: str = "sweep",
 ) -> LineFit:
     """One damped mode fitted to amplitudes, with what a campaign declares next to it.
@@ -224,7 +222,6 @@ def fit_resonance(
         frequency_hz: rising, shape (n,), Hz.
         amplitude: shape (n,), any unit.
         background: one of `fitting.lines.names.FORM_OF`.
-        sigma: standard deviation of an amplitude, if known, in its unit.
         source: of the data, for errors.
 
     Raises:
@@ -233,7 +230,7 @@ def fit_resonance(
     if background not in FORM_OF:
         raise ValueError(f"background {background!r}, wanted one of {tuple(FORM_OF)}")
     form = AMPLITUDE_FORMS[FORM_OF[background]]
-    return fit_form(frequency_hz, amplitude, form, sigma=sigma, source=source)
+    return fit_form(frequency_hz, amplitude, form, source=source)
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +243,6 @@ class _Fitted:
     top: float
     source: str
     weights: FloatArray | None
-    sigma: float | None
 
     def line(self, starts: Sequence[Start]) -> LineFit:
         """The form from the best of some starts, with its numbers and their errors."""
@@ -262,7 +258,7 @@ class _Fitted:
         self._check(fit, places)
         if isinstance(model, AmplitudeSweep) and (form.phased or form.further):
             fit = folded(model, self.y, fit, self.weights)
-        numbers = Numbers(fit, None if self.sigma is None else self.sigma / top)
+        numbers = Numbers(fit)
 
         # heights, with the slopes of their moduli by both parts of complex ones, and by what
         # further lines of amplitudes have over the first
@@ -396,7 +392,7 @@ class _Fitted:
                 x[-1] = (start.delay_s - first.delay_s) * float(np.ptp(self.f))
             return made
         for x in made:
-            if model.detector != PLAIN:
+            if model.is_noisy:
                 low = float(np.min(self.y.real)) ** 2
                 x[-1] = low / max(1.0 - low, 0.01)
             if model.phased:
@@ -460,7 +456,7 @@ class _Fitted:
         height, added = float(fit.coefficients[0]), fit.coefficients[1:]
         if self.form.single:
             return {"background": self.top * float(fit.coefficients[1])}
-        if model.detector != PLAIN:
+        if model.is_noisy:
             power = float(fit.x[-1])
             return {"background": self.top * height * math.copysign(math.sqrt(abs(power)), power)}
         if not added.size:

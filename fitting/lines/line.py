@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from fitting.lines.excluded import (
     without_spikes,
 )
 from fitting.lines.faults import Fault, SweepFault, sweep_faults
-from fitting.lines.names import MIN_SWEEP_POINTS
+from fitting.lines.names import MIN_SWEEP_POINTS, SQUARED, TRANSMISSION
 from fitting.lines.record import LineNumber, MeasuredLine, SecondLine, common_fields
 from fitting.lines.several import TwoResonances
 from fitting.lines.sweep import SweepSearch, is_reversed
@@ -39,8 +40,8 @@ class Line(MeasuredLine):
         amplitude: of the line alone at its eigenfrequency, in ``unit``.
         mirrored: the other amplitude that fits as well, with a complex constant or tail; else None.
         bend: shift of the top by nonlinearity, Hz; None of a linear line.
-        background: constant of "offset", "floor" and "rice", in ``unit``; of "sloped" at the
-            eigenfrequency; of "single" the noise of a quadrature; else zero.
+        background: constant of "offset", "floor", "rice" and "squared_offset", in ``unit``; of
+            "sloped" at the eigenfrequency; of "single" the noise of a quadrature; else zero.
         slope: of "sloped" amplitudes, ``unit`` per Hz.
         wiring: the requested or chosen form.
         is_requested: whether it was requested.
@@ -119,6 +120,17 @@ def line_of(
 
     # what makes amplitudes no damped line, where the best form leaves more than noise
     faults: tuple[SweepFault, ...] = ()
+    if best.name in SQUARED:
+        plain = next((t.width.value for t in best.forms if t.name == TRANSMISSION), math.nan)
+        power = SweepFault(
+            fault=Fault.POWER,
+            size=2.0,
+            std=0.0,
+            frequency_hz=math.nan,
+            width_hz=(plain, best.width.value),
+            p_value=0.0,
+        )
+        faults = (power,)
     linear = not (rest.is_complex or best.second is not None or best.form.bent)
     if linear and (best.name == "transmission" or best.structure.order > 0):
         listed_faults = sweep_faults(rest.frequency_hz, rest.amplitude)

@@ -6,6 +6,7 @@ from fitting.text.errors import BadInput
 
 TRANSMISSION, FANO, SLOPED = "transmission", "fano", "sloped"
 OFFSET, SLOPE, FLOOR, RICE, SINGLE, TAIL = "offset", "slope", "floor", "rice", "single", "tail"
+SQUARED = ("squared", "squared_offset")
 #: What a campaign may declare next to the line of a sweep, and what is added to its amplitudes.
 BACKGROUNDS = ("none", "complex", OFFSET, SLOPE)
 ADDED = (OFFSET, SLOPE)

@@ -475,7 +475,6 @@ class Numbers:
     def __init__(
         self,
         fit: Fit,
-        sigma: float | None = None,
         structure: Structure | None = None,
         variance: float | None = None,
     ) -> None:
@@ -483,15 +482,13 @@ class Numbers:
 
         Args:
             fit: of which they are.
-            sigma: standard deviation of a residual, if known.
             structure: of the residuals; None: that of all of them.
             variance: of a residual, where it is estimated otherwise than from their squares.
         """
         self.fit = fit
         self.structure = fit.structure if structure is None else structure
-        self.dof = math.inf if sigma is not None else fit.dof / self.structure.widening**2
-        own = fit.squares / fit.dof if variance is None else variance
-        self.variance = own if sigma is None else sigma**2
+        self.dof = fit.dof / self.structure.widening**2
+        self.variance = fit.squares / fit.dof if variance is None else variance
         widened = self.structure.widening**2 * self.variance * fit.inverse
         self.covariance = reach(ROOT_68, self.dof) ** 2 * widened
 

@@ -24,7 +24,7 @@ from fitting.lines.form import (
     LineFit,
     fit_form,
 )
-from fitting.lines.names import MIN_SWEEP_POINTS
+from fitting.lines.names import MIN_SWEEP_POINTS, SQUARED
 from fitting.lines.null import Null, NullKind, beyond_ends, null_models
 from fitting.lines.record import TriedForm, no_line
 from fitting.lines.several import (
@@ -43,7 +43,7 @@ from fitting.lines.starts import (
     complex_starts,
     squares_of,
 )
-from fitting.lines.sweep_model import Place
+from fitting.lines.sweep_model import SQUARE, Place
 from fitting.signal.misfit import Misfit, correlation
 from fitting.signal.residual_tests import SMALLEST_RESIDUAL, TOGETHER
 from fitting.text.arrays import ComplexArray, FloatArray
@@ -90,14 +90,14 @@ def is_reversed(frequency_hz: FloatArray, values: ComplexArray) -> bool:
 
 
 def single_line_fits(frequency_hz: FloatArray, values: FloatArray | ComplexArray) -> list[LineFit]:
-    """Every form of one line that are compared, as far as it can be fitted.
+    """Every form of one line of these values that can be fitted.
 
     Args:
         frequency_hz: rising, shape (n,), Hz.
         values: amplitudes or complex values, shape (n,).
     """
     search = SweepSearch(frequency_hz, values)
-    return search.singles(search.starts())[0]
+    return [fit for fit in search.singles(search.starts())[0] if fit.name not in SQUARED]
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,6 +327,11 @@ class SweepSearch:
         if not self.is_complex and (self.elsewhere or self.wanted == "tail" or not noise):
             pull = OBSERVED if self.elsewhere else SUPPOSED
             attempt(Form(name="tail", further=1, pull=pull), self.tail_starts(starts[0]))
+        if not self.is_complex and not noise:
+            for background, name in enumerate(SQUARED):
+                attempt(Form(name=name, detector=SQUARE, background=background), starts[:1])
+            # a column that was taken for the wrong quantity explains all but noise, or nothing
+            made = [f for f in made if f.name not in SQUARED or f.structure.order == 0]
         return made or hidden, failed
 
     def tail_starts(self, crest: Start) -> list[Start]:
@@ -365,7 +370,8 @@ class SweepSearch:
             return []
         forms = self.forms
         names = (self.wanted,) if self.wanted in forms else WITH_SECOND[self.is_complex]
-        names = tuple(dict.fromkeys((*names, *(() if self.wanted else (singles[0].name,)))))
+        if not self.wanted and singles[0].name in forms:
+            names = tuple(dict.fromkeys((*names, singles[0].name)))
         delayed = singles[0].delay is not None
         tried = [
             replace(forms[name], delayed=delayed, tails=self.elsewhere if self.is_complex else ())

@@ -8,7 +8,8 @@
 g is a Lorentzian or a Duffing line (`fitting.lines.lorentzian`, `fitting.lines.duffing`), r_k the
 complex height of another line over that of the first, beta a complex background over a. D is what
 a detector makes of it: |h|; sqrt(|h|^2 + v) where noise powers were averaged, v that of the noise
-over a^2; or the mean of |h + noise| with the same noise. All but g, r, beta, v and tau is linear.
+over a^2; the mean of |h + noise| with the same noise; or the power |h|^2. All but g, r, beta, v and
+tau is linear.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from fitting.text.arrays import ComplexArray, FloatArray
 
 #: Largest logarithm of a factor on a width.
 MOST = 40.0
-#: Detectors: none, powers averaged, amplitudes averaged.
-PLAIN, POWER, MEAN = "plain", "power", "mean"
+#: Detectors: none, powers averaged, amplitudes averaged, and one that shows the power itself.
+PLAIN, POWER, MEAN, SQUARE = "plain", "power", "mean", "square"
 
 
 class Place(NamedTuple):
@@ -162,7 +163,7 @@ class AmplitudeSweep:
     Attributes:
         shapes: the lines.
         phased: whether a complex background beta is there.
-        detector: `PLAIN`, `POWER` or `MEAN`.
+        detector: `PLAIN`, `POWER`, `MEAN` or `SQUARE`.
         added: 0 nothing, 1 a constant, 2 a slope, too.
     """
 
@@ -179,7 +180,12 @@ class AmplitudeSweep:
     def count(self) -> int:
         """Unknowns that do not enter linearly."""
         further = 2 * (len(self.shapes.starts) - 1)
-        return self.shapes.count + further + 2 * self.phased + (self.detector != PLAIN)
+        return self.shapes.count + further + 2 * self.phased + self.is_noisy
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether the power of a noise is an unknown."""
+        return self.detector in (POWER, MEAN)
 
     def heights(self, x: FloatArray) -> list[complex]:
         """Complex heights over that of the first line: of each further one, then of beta."""
@@ -207,7 +213,9 @@ class AmplitudeSweep:
         size = np.abs(wave)
         safe = np.maximum(size, np.finfo(float).tiny)
         by_x = (np.conj(wave) * slopes).real / safe
-        if self.detector != PLAIN:
+        if self.detector == SQUARE:
+            size, by_x = size**2, 2.0 * size * by_x
+        elif self.is_noisy:
             size, by_x = _detected(size, by_x, float(x[-1]), self.detector)
         values = np.stack([size, np.ones_like(size), self._run][: 1 + self.added], axis=1)
         moved = np.zeros((self.count, *values.shape))

@@ -14,7 +14,7 @@ from fitting.lines.choice import FAR_MORE, SIMPLER
 from fitting.lines.dip import NOTCH, REFLECTION
 from fitting.lines.faults import fault_finding
 from fitting.lines.line import Line
-from fitting.lines.names import FANO, TRANSMISSION, WORDS, WORDS_COMPLEX
+from fitting.lines.names import FANO, SQUARED, TRANSMISSION, WORDS, WORDS_COMPLEX
 from fitting.lines.noise_spectrum import COUPLED, TOGETHER, NoiseLine
 from fitting.lines.record import MeasuredLine, TriedForm
 from fitting.lines.ringdown import ALONE, FORM_WORDS, Ringdown
@@ -31,6 +31,8 @@ from fitting.text.rendering import sentence
 WIRINGS = {
     TRANSMISSION: "the line alone",
     **{form: f"the line and {words}" for form, words in WORDS.items()},
+    SQUARED[0]: "the square of the line: the column looks like a power",
+    SQUARED[1]: "the square of the line and a constant: the column looks like a power",
     "duffing": "a line whose frequency follows its amplitude (Duffing)",
     NOTCH: "a resonator next to a feed line",
     REFLECTION: "a resonator at the end of a line",

@@ -62,7 +62,9 @@ def map_of(
     """The map that a file is; None for one sweep, also one that runs up and down.
 
     A control is a column of numbers each of whose few values has frequencies of its own that rise,
-    or all that fall. One column is enough, or all of those with few values make it together.
+    or all that fall. One column is enough to find the spectra, or all of those with few values make
+    them together; whatever else changes from spectrum to spectrum, and in none of them, is a
+    control as well.
 
     Args:
         recording: the columns of the file.
@@ -76,13 +78,20 @@ def map_of(
     free = [pair for pair in candidates if pair[0].name not in taken]
     for pairs in (*([pair] for pair in candidates), *([free] if len(free) > 1 else [])):
         values = np.column_stack([v for _, v in pairs])
-        settings, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
+        _, first, group = np.unique(values, axis=0, return_index=True, return_inverse=True)
         order = np.argsort(first)  # as the file has them
         rows = tuple(np.flatnonzero(group.ravel() == k) for k in order)
         if _are_spectra(frequencies, rows):
-            controls = tuple(c for c, _ in pairs)
+            own = [c.name for c, _ in pairs]
+            further = [(c, v) for c, v in free if c.name not in own]
+            steady = [(c, v) for c, v in further if all(np.ptp(v[each]) == 0.0 for each in rows)]
+            controls = [*pairs, *steady]
+            settings = np.column_stack([v[first[order]] for _, v in controls])
             return ControlMap(
-                path=recording.path, controls=controls, settings=settings[order], rows=rows
+                path=recording.path,
+                controls=tuple(c for c, _ in controls),
+                settings=settings,
+                rows=rows,
             )
     return None
 

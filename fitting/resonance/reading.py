@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ SQUARES = (*POWERS, *(f"{power}/Hz" for power in POWERS))
 
 #: Names of columns that a complaint lists.
 MOST_SHOWN = 12
+#: Correlation of two columns, less than one by this, from which they are one quantity.
+SAME = 1e-8
 #: Roles of columns of a sweep whose values are amplitudes; of a noise spectrum it is another.
 AMPLITUDE = "amplitude"
 #: Unit of amplitudes that were levels over a milliwatt.
@@ -272,6 +275,32 @@ def columns_there(recording: Recording) -> str:
     """
     names = [f"'{c.name}'" for c in recording.channels]
     return ", ".join((*names[:MOST_SHOWN], *(["..."] * (len(names) > MOST_SHOWN))))
+
+
+def unused_columns(recording: Recording, taken: Sequence[Channel]) -> tuple[str, ...]:
+    """Columns of numbers that vary and are not taken, with their units, as "'T' (K)".
+
+    One that is a straight function of a column that is taken, as a distance from the middle of a
+    sweep, holds nothing else.
+
+    Args:
+        recording: what was read of a file.
+        taken: the columns that are.
+    """
+    names, used = [], {channel.name for channel in taken}
+    for channel in recording.channels:
+        if channel.name in used:
+            continue
+        with contextlib.suppress(BadInput):
+            values = _lenient(channel).real
+            rows = np.isfinite(values)  # none of text, as that of a remark
+            if not np.any(rows) or np.ptp(values[rows]) == 0.0:
+                continue
+            with np.errstate(all="ignore"):  # NaN of a column that is taken and does not vary
+                like = np.corrcoef([values, *(_lenient(other).real for other in taken)])[0, 1:]
+            if not np.any(np.abs(like) > 1.0 - SAME):
+                names.append(f"'{channel.name}'" + f" ({channel.unit})" * bool(channel.unit))
+    return tuple(names)
 
 
 def with_unit(channel: Channel, unit: str) -> Channel:

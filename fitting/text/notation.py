@@ -55,8 +55,8 @@ _PLAIN_BELOW = 1e9
 _NARROW = 1e-2
 #: Ranges below this share of the size are rounding, not variation.
 _CONSTANT = 1e-9
-#: Numbers without a prefix from which a power of ten is printed.
-_MANY = 1e5
+#: Digits of a bound, at least; how much wider a range may be as printed.
+_LIMIT, _WIDER = 3, 1.1
 #: Share of the upper end of a range below which its lower end is printed as zero.
 _NOTHING = 1e-6
 #: Times up to so many seconds are printed in a unit of so many.
@@ -439,10 +439,15 @@ def bound(value: float, digits: int = 6, *, up: bool) -> str:
         digits: significant digits.
         up: whether it is an upper one: rounded up, a lower one down.
     """
+    return number(_rounded_outwards(value, digits, up=up), digits)
+
+
+def _rounded_outwards(value: float, digits: int, *, up: bool) -> float:
+    """A value rounded up, or down, to some significant digits."""
     if value == 0.0 or not math.isfinite(value):
-        return number(value, digits)
+        return value
     place = math.floor(math.log10(abs(value))) - digits + 1
-    return number(float(_outwards(value, place, up=up)), digits)
+    return float(_outwards(value, place, up=up))
 
 
 def _outwards(value: float, place: int, *, up: bool) -> Decimal:
@@ -638,11 +643,19 @@ def range_words(low: float, high: float, unit: str, among: float = 0.0) -> str:
         factor, shown = 1.0, unit_text(unit)
     if 0.0 < low < 1e-2 * high and shown:
         return f"{limit_words(low, unit, up=False)}–{limit_words(high, unit, up=True)}"
-    ends = ((low / factor, False), (high / factor, True))
-    # of many digits three are enough: 7.03e+06
-    lower, upper = (bound(x, 3, up=up) if abs(x) < _MANY else f"{x:.3g}" for x, up in ends)
+    # three digits, or as many as leave the width between both ends about as it is
+    first, last, digits = low / factor, high / factor, _LIMIT
+    while digits < _DIGITS:
+        lower, upper = (
+            _rounded_outwards(x, digits, up=up) for x, up in ((first, False), (last, True))
+        )
+        if upper - lower <= _WIDER * (last - first):
+            break
+        digits += 1
     between = " to " if low < 0.0 else "–"
-    return f"{lower}{between}{upper} {shown}".rstrip()
+    return (
+        f"{bound(first, digits, up=False)}{between}{bound(last, digits, up=True)} {shown}".rstrip()
+    )
 
 
 def limit_words(value: float, unit: str, *, up: bool = True) -> str:
@@ -653,8 +666,8 @@ def limit_words(value: float, unit: str, *, up: bool = True) -> str:
         unit: of the value.
         up: whether it is an upper one, which is rounded up.
     """
-    factor, shown = prefixed(abs(float(f"{value:.3g}")), unit)
-    return f"{bound(value / factor, 3, up=up)} {shown}".strip()
+    factor, shown = prefixed(abs(float(f"{value:.{_LIMIT}g}")), unit)
+    return f"{bound(value / factor, _LIMIT, up=up)} {shown}".strip()
 
 
 def duration(seconds: tuple[float, float]) -> str:

@@ -714,3 +714,40 @@ def test_two_lines_that_no_two_modes_have_are_told(tmp_path: Path) -> None:
     seen = seen + noise(f.size, 1e-3, 4)
     path = write_csv(tmp_path / "two.csv", "f (Hz),X (V),Y (V)", f, seen.real, seen.imag)
     assert told_of(path, tmp_path / "o")["fmu"]["model"] == "CoupledModes2"
+
+
+def test_columns_of_a_sweep_that_vary_and_are_not_used_are_named(tmp_path: Path) -> None:
+    f = 10e3 + np.linspace(-200.0, 200.0, 81)
+    seen = np.abs(mode(f, 10e3, 40.0) + noise(f.size, 1e-3, 4))
+    head = "f (Hz),R (nm),T (K),shift (kHz),range (V)"
+    path = write_csv(
+        tmp_path / "s.csv",
+        head,
+        f,
+        seen,
+        4.0 + np.sin(0.01 * f),
+        1e-3 * (f - 10e3),
+        np.ones(f.size),
+    )
+    made, said = init(path, out=tmp_path / "o")
+    for words in (" ".join(said), made.read_text("utf-8").partition("title")[0]):
+        assert "column 'T' (K) of s.csv" in words
+    assert "m, which suits the file's nm" in " ".join(said)
+
+
+def test_an_earlier_draft_is_replaced_with_a_word(tmp_path: Path) -> None:
+    f = 10e3 + np.linspace(-200.0, 200.0, 81)
+    for width, replaced in ((40.0, False), (30.0, True), (30.0, False)):
+        seen = np.abs(mode(f, 10e3, width))
+        path = write_csv(tmp_path / "s.csv", "f (Hz),R (nm)", f, seen)
+        _, said = init(path, out=tmp_path / "o")
+        assert any("earlier draft" in each for each in said) is replaced
+
+
+def test_a_power_among_amplitudes_is_not_drafted_as_one(tmp_path: Path) -> None:
+    """It had two lines, or half of the width."""
+    f = 10e3 + np.linspace(-200.0, 200.0, 81)
+    power = np.abs(np.abs(mode(f, 10e3, 40.0)) ** 2 + noise(f.size, 1e-3, 4).real)
+    path = write_csv(tmp_path / "s.csv", "f (Hz),R (mV)", f, power)
+    with pytest.raises(ff.BadInput, match="looks like a power"):
+        init(path, out=tmp_path / "o")

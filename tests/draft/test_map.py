@@ -338,3 +338,37 @@ def test_the_only_column_in_hertz_of_a_map_in_rows_is_the_frequency(tmp_path: Pa
     assert (found.name, found.unit, found.guessed) == ("f_drive", "kHz", True)
     seconds = write_csv(tmp_path / "pll.csv", "time (s),f_drive (kHz)", np.arange(9.0), f[:9] % 0.7)
     assert recognised(seconds).role("frequency") is None
+
+
+PUMPED = Path(__file__).parents[2] / "data" / "string_pumped" / "sweeps.csv"
+
+
+def test_of_two_columns_that_change_from_sweep_to_sweep_none_is_guessed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The pump's frequency was dropped without a word; the fit had lambda12 48.8 for 648 kHz."""
+    assert main(["init", str(PUMPED), "--out", str(tmp_path / "o"), "--yes"]) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert re.search(r"volts \(V\) and pump \(kHz\).*--control volts", line)
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_column_that_varies_and_is_not_used_is_named(tmp_path: Path) -> None:
+    sizes = sized(1, 0.001)
+    head = "V (V),T (K),stage,frequency (Hz),amplitude (V),note"
+    columns = [V, 4.0 + np.floor(0.5 * V), np.linspace(0.0, 1.0, V.size), F, sizes]
+    rows = [
+        ",".join([*map(repr, row), "a"]) for row in zip(*(c.tolist() for c in columns), strict=True)
+    ]
+    path = tmp_path / "map.csv"
+    path.write_text("\n".join([head, *rows]) + "\n", "utf-8")
+    with pytest.raises(ff.BadInput, match=r"V and T .*--control V"):
+        drafted(path, tmp_path)
+    made, said = init(path, "CoupledModes2", out=tmp_path / "o", told={"control": "V"})
+    text = made.read_text("utf-8")
+    assert tomllib.loads(text)["control_sweep"]["controls"] == ["V"]
+    for words in (" ".join(said), text.partition("title")[0]):
+        assert "'T' (K) and 'stage'" in words
+        assert "'note'" not in words
+    with pytest.raises(ff.BadInput, match=r"'T' alone has a value twice"):
+        init(path, "CoupledModes2", out=tmp_path / "p", told={"control": "T"})

@@ -194,3 +194,18 @@ def test_dbm_and_degrees_are_drafted_as_complex_values_and_fit(tmp_path: Path) -
     fit = ff.fit(ff.Problem.of(made))
     assert abs(fit["f1"].value - 1234012.0) < 4.0 * fit["f1"].std
     assert abs(fit["d1"].value - 38.0) < 4.0 * fit["d1"].std
+
+
+@pytest.mark.parametrize("averages", [4, 100, pytest.param(1000, marks=pytest.mark.nightly)])
+def test_one_line_in_a_column_without_unit_or_name_is_one_line(
+    averages: int, tmp_path: Path
+) -> None:
+    """It was drafted as the root of a density of two coupled modes, without a word on that."""
+    f = F_ONE[::2]
+    density = averaged(1e-12 * (np.abs(mode(f, ETA, WIDTH)) ** 2 + 0.01), averages, 5)
+    file = write_csv(tmp_path / "n.csv", "frequency (Hz),y", f, density)
+    path, told = init(file, out=tmp_path / "o", told={"kind": "noise"})
+    written = tomllib.loads(path.read_text("utf-8"))
+    assert written["fmu"]["model"] == "CoupledModes1"
+    assert written["noise_spectrum"][0]["holds"] == "density"
+    assert any(each.startswith("Assumed: 'y'") and "--unit-amplitude" in each for each in told)

@@ -13,6 +13,7 @@ import pytest
 
 import fitting as ff
 from fitting.draft.api import init
+from fitting.draft.document import Answers
 from fitting.draft.maps import map_of_files
 from fitting.measurements.control_sweep import ReadSpectra
 from fitting.resonance.reading import Columns
@@ -85,7 +86,8 @@ def test_five_sweeps_are_one_map_over_their_control(way: str, tmp_path: Path) ->
     name, head, options = WAYS[way]
     paths = written(tmp_path, name, head)
     given = [(path, Columns()) for path in paths]
-    found = map_of_files(given, options[1] if options else None, tmp_path, joint=False)
+    answers = Answers({"control": (options[1],)} if options else {})
+    found = map_of_files(given, answers, tmp_path, joint=False)
     assert found is not None
     shift = 3.0 if way == "file names, a unit alone" else 0.0
     assert found.control_map.settings[:, 0].tolist() == [v + shift for v in VOLTS]
@@ -149,7 +151,7 @@ def test_values_that_do_not_suit_the_files_are_refused(control: str, tmp_path: P
     paths = written(tmp_path, WAYS["file names"][0])
     given = [(path, Columns()) for path in paths]
     with pytest.raises(BadInput, match="--control"):
-        map_of_files(given, control, tmp_path, joint=False)
+        map_of_files(given, Answers({"control": (control,)}), tmp_path, joint=False)
 
 
 def without_a_crossing(folder: Path) -> list[Path]:

@@ -629,3 +629,29 @@ def test_a_number_of_0_2_works_as_one_with_a_warning() -> None:
         assert number == eval(text, {"q": q.value})
     with pytest.warns(DeprecationWarning, match="value"):
         assert f"{q:.4g}" == f"{q.value:.4g}"
+
+
+@pytest.mark.parametrize(
+    ("level", "share", "constant"),
+    [(2e-3, 0.0, 0.0), (0.0, 0.01, 0.0), pytest.param(2e-3, 0.0, 0.05, marks=pytest.mark.nightly)],
+    ids=["noise", "noise of each value", "constant"],
+)
+def test_a_line_of_power_in_a_column_of_amplitudes_is_called_one(
+    level: float, share: float, constant: float, tmp_path: Path
+) -> None:
+    """It was "two lines that overlap", or no resonance, "a straight line describes its points"."""
+    power = np.abs(mode(F, ETA, WIDTH)) ** 2 + constant
+    rough = np.random.default_rng(4).standard_normal((2, F.size))
+    seen = np.abs(3.2 * (power + level * rough[0] + share * power * rough[1]))
+    result = ff.line(write_csv(tmp_path / "p.csv", "frequency (Hz),amplitude (mV)", F, seen))
+    assert abs(result.frequency.value - ETA) < 4.0 * result.frequency.std < 0.5
+    assert abs(result.width.value - WIDTH) < 4.0 * result.width.std < 1.0
+    assert any("looks like a power" in each for each in sentences(result))
+
+
+def test_two_lines_of_amplitudes_are_no_power() -> None:
+    two = np.abs(
+        mode(F, ETA - 8.0, WIDTH) + 0.8 * mode(F, ETA + 12.0, WIDTH) + noise(F.size, 2e-3, 2)
+    )
+    with pytest.raises(ff.BadInput, match="two lines"):
+        ff.line(F, two)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from fitting.signal.residual_tests import (
 )
 from fitting.text.arrays import FloatArray
 from fitting.text.finding import Kind
+from fitting.text.rendering import sentence
 from tests.support.coloured import coloured
 
 ETA, WIDTH, NOISE = 30281.3, 25.0, 0.004
@@ -362,6 +364,16 @@ def test_a_background_is_told_with_both_values(chosen: str) -> None:
         assert found.kind is Kind.line_background
         assert found.numbers["plain_frequency_hz"] == plain.frequency.value
         assert found.numbers["full_frequency_hz"] == full.frequency.value
+        # each shift with its own standard errors: that of the frequency stood behind the FWHM's
+        for name, key in (("frequency", "sigmas"), ("width", "width_sigmas")):
+            one, other = getattr(plain, name), getattr(full, name)
+            apart = abs(other.value - one.value) / math.hypot(one.std, other.std)
+            assert found.numbers[key] == pytest.approx(apart)
+        words = sentence(found)
+        shifts = re.findall(r"by [+−][\d.]+ \w+ \(([\d.]+) standard errors\)", words)
+        assert [float(each) for each in shifts] == pytest.approx(
+            [found.numbers["sigmas"], found.numbers["width_sigmas"]], rel=0.05
+        )
 
 
 @pytest.mark.parametrize("seeds", [20, pytest.param(60, marks=NIGHTLY)])

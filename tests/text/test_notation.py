@@ -330,3 +330,24 @@ def test_ranges_next_to_each_other_have_one_prefix() -> None:
     assert notation.range_words(-0.405, 0.584, "Hz", 1.37) == "−0.405 to 0.584 Hz"
     assert notation.range_words(-1.37, 0.532, "Hz", 1.37) == "−1.37 to 0.532 Hz"
     assert notation.range_words(0.4, 0.584, "Hz", 7e6) == "400–584 mHz"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "unit", "text"),
+    [
+        (999_900.0, 1_000_100.0, "Hz", "999900–1000100 Hz"),
+        (7_126_408.4, 7_127_608.4, "Hz", "7.1264–7.1277 MHz"),
+        (6_940_160.0, 6_940_360.0, "Hz", "6940160–6940360 Hz"),
+        (7020.0, 7.03e6, "1", "7020–7030000"),
+        (1.0, 1000.0, "Hz", "1 Hz–1 kHz"),
+        (0.0, 781_500.0, "Hz", "0–782 kHz"),
+        (6_940_260.0, 7_027_600.0, "Hz", "6.94–7.03 MHz"),
+        (-206_110.0, -204_730.0, "Hz/V", "−206200 to −204700 Hz/V"),
+        (2.0, 2.0, "Hz", "2–2 Hz"),
+    ],
+)
+def test_the_ends_of_a_range_differ_as_printed(
+    low: float, high: float, unit: str, text: str
+) -> None:
+    """Bounds 200 Hz apart at 1 MHz were "1e+06-1e+06 Hz", those of a quality "7020-7.03e+06"."""
+    assert notation.range_words(low, high, unit) == text
