@@ -30,8 +30,6 @@ from fitting.text.toml import read_toml
 BUILDER, SOURCES = "build_fmu.py", "fmu_src"
 #: Where FMUs that were built are kept instead; empty: nowhere.
 CACHE = "FMU_FIT_CACHE"
-#: States of the sources whose FMUs are kept, at most.
-MOST_KEPT = 16
 #: Models that are built before they are asked for, by name and whether they are compiled.
 _ahead: dict[tuple[str, bool], Future[Path]] = {}
 _log = logging.getLogger(__name__)
@@ -137,9 +135,6 @@ def _kept_or_built(model: str, folder: Path, *, native: bool) -> Path:
     if kept is not None:
         with suppress(BadInput, OSError):  # without it the next one takes as long
             write_whole(kept / built.name, built.read_bytes())
-            states = sorted(kept.parent.iterdir(), key=lambda state: state.stat().st_mtime)
-            for state in states[:-MOST_KEPT]:
-                shutil.rmtree(state, ignore_errors=True)
     return built
 
 

@@ -207,7 +207,8 @@ def test_outputs_and_their_slopes_are_those_of_the_most_likely_point() -> None:
     assert here.outward == pytest.approx(slopes, rel=1e-5)
     old = replace(optimum, expansion=replace(here, matrix=2.0 * here.matrix, age=3))
     again = with_central_slopes(evaluator, old).expansion
-    assert (again.matrix, again.age) == (pytest.approx(here.matrix), 0)
+    assert again.matrix == pytest.approx(here.matrix)
+    assert again.age == 0
 
 
 def test_of_a_valley_the_most_likely_point_is_that_of_scipy() -> None:
