@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fitting.api.early import CALIBRATED_FILES
 from fitting.api.fitted import Valued
-from fitting.api.printed import HtmlText
+from fitting.api.printed import HtmlText, written
 from fitting.fmu.description import read_description
 from fitting.fmu.models import rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure
@@ -16,7 +16,7 @@ from fitting.result.calibration import Calibration, calibration, calibration_csv
 from fitting.result.result import Result, read_result
 from fitting.text.errors import BadInput
 from fitting.text.old_names import renamed
-from fitting.text.results_folder import remove_earlier, results_folder, write_whole
+from fitting.text.results_folder import write_whole
 
 __all__ = ["Calibrated", "calibrate"]
 
@@ -89,12 +89,15 @@ def calibrate(
         f"{provenance.finished}, {fitted.status}. The FMU that was fitted has the GUID "
         f"{description.guid}."
     )
-    with results_folder(out, "calibrate", CALIBRATED_FILES):
-        built = rebuilt(description.file, out, name, history, handed.start_values)
+
+    def write(to: Path) -> Path | None:
+        built = rebuilt(description.file, to, name, history, handed.start_values)
         values = parameter_set(name, handed.set_values(), description)
         packed = description if built is None else read_description(built)
         write_whole(ssv, values)
         write_whole(ssp, system_structure(packed.path, values, packed))
         write_whole(parameters, calibration_csv(handed))
-        remove_earlier(out, CALIBRATED_FILES)
+        return built
+
+    built = written(out, "calibrate", CALIBRATED_FILES, write)
     return Calibrated(calibration=handed, fmu=built, ssv=ssv, ssp=ssp, table=parameters)

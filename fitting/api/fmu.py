@@ -7,9 +7,8 @@ import sys
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy.typing as npt
@@ -228,11 +227,9 @@ class Fmu:
             BadInput: names, values or units that do not fit the FMU.
             FmuFailure: the FMU failed.
         """
-        requested = Accuracy.of(accuracy)
-        plan = self.plan(
-            start_values, tones=tones, drive=drive, outputs=outputs, accuracy=requested
-        )
-        return respond(self.workers, plan, Shown(requested.window_s, requested.samples))
+        accuracy = Accuracy.of(accuracy)
+        plan = self.plan(start_values, tones=tones, drive=drive, outputs=outputs, accuracy=accuracy)
+        return respond(self.workers, plan, Shown(accuracy.window_s, accuracy.samples))
 
     def plan(
         self,
@@ -374,12 +371,10 @@ class Fmu:
         Raises:
             BadInput: the folder cannot be written, or holds other files of these names.
         """
-        description = self.description
         if isinstance(result, DriveResponse):
-            return written(
-                out, "simulate", DRIVE_FILES, lambda to: write_drive(result, description, to)
-            )
-        return written(out, "sweep", SWEEP_FILES, lambda to: write_sweep(result, description, to))
+            write = partial(write_drive, result, self.description)
+            return written(out, "simulate", DRIVE_FILES, write)
+        return written(out, "sweep", SWEEP_FILES, partial(write_sweep, result, self.description))
 
     def close(self) -> None:
         """End the worker processes until the next run."""
@@ -389,12 +384,7 @@ class Fmu:
         self.workers.__enter__()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:

@@ -6,6 +6,7 @@ import importlib
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
@@ -390,8 +391,6 @@ def write_line(result: Line | Ringdown | NoiseLine, out: str | Path) -> tuple[Pa
     Raises:
         BadInput: the folder cannot be written, or holds other files of these names.
     """
-    # matplotlib takes a second to import: only where something is drawn
-    report = importlib.import_module("fitting.report.line")
-    files: tuple[Path, ...]
-    files = written(out, "line", LINE_FILES, lambda to: report.write_line(result, to))
-    return files
+    from fitting.report.line import write_line as write  # matplotlib takes a second to import
+
+    return written(out, "line", LINE_FILES, partial(write, result))

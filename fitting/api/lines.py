@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -204,12 +205,15 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
     parts = [part for path in paths for part in _parts(path, columns or Columns(), kind)]
     if len(parts) < 2 and count == 1:
         raise BadInput("lines: found one file, wanted two or more; of one file: line")
-    control = _control(paths) if len(parts) == len(paths) else None
-    if control is None:
-        control = NUMBER, "1", tuple(float(k + 1) for k in range(len(parts)))
+    # the number of each where no quantity differs from file to file, or two do
+    control, control_unit, values = NUMBER, "1", tuple(float(k + 1) for k in range(len(parts)))
+    if len(parts) == len(paths):
+        with suppress(BadInput):
+            if differing := differing_quantity(paths, None):
+                _, control, control_unit, values = differing
 
     rows, errors = [], []
-    for (path, sweep, known), value in zip(parts, control[2], strict=True):
+    for (path, sweep, known), value in zip(parts, values, strict=True):
         fit: Line | Ringdown | NoiseLine | None = None
         numbers, reason = [0], ""
         try:
@@ -244,7 +248,7 @@ def lines(  # noqa: PLR0913 - what lines may be asked to be
         ]
     if len(errors) == len(parts):
         raise BadInput(*errors)
-    return Lines(rows=tuple(rows), control=control[0], unit=control[1])
+    return Lines(rows=tuple(rows), control=control, unit=control_unit)
 
 
 def _parts(path: Path, columns: Columns, kind: str) -> list[tuple[Path, str, Columns]]:
@@ -262,18 +266,6 @@ def _parts(path: Path, columns: Columns, kind: str) -> list[tuple[Path, str, Col
     return [(path, "", columns)]
 
 
-def _control(paths: Sequence[Path]) -> tuple[str, str, tuple[float, ...]]:
-    """Name, unit and values of the control; the number of each file where there is none, or two."""
-    try:
-        result = differing_quantity(paths, None)
-    except BadInput:
-        result = None
-    if result is None:
-        return NUMBER, "1", tuple(float(k + 1) for k in range(len(paths)))
-    _, name, unit, values = result
-    return name, unit, values
-
-
 def write_lines(result: Lines, out: str | Path) -> tuple[Path, ...]:
     """Write lines.csv and a figure of frequency and FWHM over the control.
 
@@ -287,9 +279,7 @@ def write_lines(result: Lines, out: str | Path) -> tuple[Path, ...]:
     Raises:
         BadInput: the folder cannot be written, or holds other files of these names.
     """
-    # matplotlib takes a second to import: only where something is drawn
-    report = importlib.import_module("fitting.report.line")
-    rows, control = result.to_dict(), (result.control, result.unit)
-    files: tuple[Path, ...]
-    files = written(out, "line", LINES_FILES, lambda to: report.write_lines(rows, control, to))
-    return files
+    from fitting.report.line import write_lines as write  # matplotlib takes a second to import
+
+    control = result.control, result.unit
+    return written(out, "line", LINES_FILES, partial(write, result.to_dict(), control))

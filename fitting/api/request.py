@@ -16,7 +16,6 @@ from fitting.fmu.description import (
     READABLE,
     SETTABLE,
     FmuDescription,
-    FmuVariable,
     amplitude_of,
     other_tones,
 )
@@ -50,7 +49,8 @@ def drive_request(
         BadInput: names, values or units that do not fit the FMU.
     """
     variables = description.variables
-    values = _start_values(variables, start_values)
+    binder = Binder(variables)
+    values = _start_values(binder, start_values)
     tones = (tones,) if isinstance(tones, str) else tuple(tones)
     if drive is None:
         if tones == USUAL_TONES and not all(name in variables for name in tones):
@@ -68,7 +68,7 @@ def drive_request(
         names, frequencies_hz = tuple(driving or map(str, tones)), []
         for name in names:
             where = f"tones '{name}'"
-            unit = _frequency_unit(variables, "tones", name)
+            unit = _frequency_unit(binder, "tones", name)
             value = values.get(name, variables[name].start)
             if value is None:
                 raise BadInput(f"{where}: has no start value, wanted one in start_values")
@@ -83,21 +83,21 @@ def drive_request(
     tones_hz = tuple(in_unit(as_written(tone, "tones"), "Hz") for tone in plain)
     read = _outputs(description, outputs, "outputs")
     if drive.input is not None:
-        Binder(variables).real(drive.input, "drive", ("input",), "driven")
+        binder.real(drive.input, "drive", ("input",), "driven")
     elif len(tones_hz) != len(drive.frequency_names):
         raise BadInput(
             f"tones: found {len(tones_hz)} frequencies, wanted {len(drive.frequency_names)}, "
             f"one for each of {', '.join(drive.frequency_names)}"
         )
     else:
-        units = [_frequency_unit(variables, "drive", name) for name in drive.frequency_names]
+        units = [_frequency_unit(binder, "drive", name) for name in drive.frequency_names]
         made: dict[str, Scalar] = dict.fromkeys(drive.amplitude_names, drive.amplitude)
         made |= {
             name: convert(tone, "Hz", unit, where=f"drive '{name}'")
             for name, tone, unit in zip(drive.frequency_names, tones_hz, units, strict=True)
         }
         for name in made:
-            Binder(variables).real(name, "drive", SETTABLE, "set")
+            binder.real(name, "drive", SETTABLE, "set")
             if name in values:
                 raise BadInput(f"start_values '{name}': is set by the drive, wanted it there")
         values = {**values, **made}
@@ -141,14 +141,14 @@ def sweep_request(
     grid = np.asarray(frequency_hz, dtype=float)
     if grid.ndim != 1 or grid.size < 2:
         raise BadInput(f"frequency_hz has the shape {grid.shape}, wanted (n,), two or more")
-    variables = description.variables
-    unit = _frequency_unit(variables, "tone", tone)
-    values = _start_values(variables, start_values)
+    binder = Binder(description.variables)
+    unit = _frequency_unit(binder, "tone", tone)
+    values = _start_values(binder, start_values)
     if tone in values:
         raise BadInput(
             f"start_values '{tone}': is the tone that is moved, wanted its frequencies alone"
         )
-    others = other_tones((tone,), values, variables)
+    others = other_tones((tone,), values, description.variables)
     for other in others:
         if other.amplitude in values:
             raise BadInput(
@@ -166,28 +166,24 @@ def sweep_request(
     )
 
 
-def _start_values(
-    variables: Mapping[str, FmuVariable], given: Mapping[str, Scalar] | None
-) -> dict[str, Scalar]:
+def _start_values(binder: Binder, given: Mapping[str, Scalar] | None) -> dict[str, Scalar]:
     """Start values in the FMU's units, given as numbers in these or as texts such as "0.3 m/s2".
 
     Raises:
         BadInput: no such variable, or a value that it cannot have.
     """
-    binder = Binder(variables)
-    return {
-        name: binder.setting(name, as_written(value, f"start_values '{name}'"))
-        for name, value in (given or {}).items()
-    }
+    return binder.settings(
+        {name: as_written(v, f"start_values '{name}'") for name, v in (given or {}).items()}
+    )
 
 
-def _frequency_unit(variables: Mapping[str, FmuVariable], argument: str, name: str) -> str:
+def _frequency_unit(binder: Binder, argument: str, name: str) -> str:
     """The unit of a parameter that holds a frequency, which an argument names.
 
     Raises:
         BadInput: no such parameter, or one of another dimension.
     """
-    variable = Binder(variables).real(name, f"{argument} '{name}'", SETTABLE, "set")
+    variable = binder.real(name, f"{argument} '{name}'", SETTABLE, "set")
     if not same_kind(variable.unit or "1", "Hz"):
         raise BadInput(f"{argument} '{name}': its unit is {variable.unit!r}, wanted a frequency")
     return variable.unit or "1"

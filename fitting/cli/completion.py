@@ -39,14 +39,9 @@ def run(args: argparse.Namespace) -> int:
             if (name, action.dest) == ("example", "name"):
                 action.choices = tuple(example_titles())
     text = shtab.complete(parser, shell=args.shell)
-    print(_with_several(text) if args.shell == "zsh" else text)
+    if args.shell == "zsh":
+        # of a list of files shtab has the first one completed, by "(*):what:which", which is one
+        # argument; "*:what:which" is any number of them (zshcompsys(1), specs of _arguments)
+        text = re.sub(r'^(  ")\(\*\)::?', r"\1*:", text, flags=re.MULTILINE)
+    print(text)
     return 0
-
-
-def _with_several(text: str) -> str:
-    """The text for zsh with all files of a list of files completed, and not its first one alone.
-
-    shtab writes "(*):what:which", which is one argument; "*:what:which" is any number of them.
-    Source: zshcompsys(1), specs of _arguments.
-    """
-    return re.sub(r'^(  ")\(\*\)::?', r"\1*:", text, flags=re.MULTILINE)

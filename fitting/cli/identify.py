@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -65,7 +65,10 @@ def run(args: argparse.Namespace) -> int:
     from fitting.report.identification import identification_lines, write_report
     from fitting.text.records import write_json
 
-    settings = _settings(args.beside)
+    settings: dict[str, float | str] = {**assigned("--beside", args.beside)}
+    for name, text in settings.items():
+        with suppress(ValueError):  # else it is no number; one is in the unit of the column
+            settings[name] = float(text)
     campaign = ff.read_campaign(args.campaign)
     out = _out(args)
     fitted = fit_at(args)
@@ -103,14 +106,3 @@ def run(args: argparse.Namespace) -> int:
     print(*identification_lines(result, files, verbose=args.verbose), sep="\n")
     remove_earlier(out, (*FILES, "fmu/*.fmu"))
     return 0
-
-
-def _settings(texts: Sequence[str]) -> dict[str, float | str]:
-    """Settings from texts NAME=VALUE, numbers in the unit of the campaign's column."""
-    result: dict[str, float | str] = {}
-    for name, value in assigned("--beside", texts).items():
-        try:
-            result[name] = float(value)
-        except ValueError:
-            result[name] = value
-    return result

@@ -72,10 +72,15 @@ def run(args: argparse.Namespace) -> int:
     with fmu_of(args) as fmu, complaints_of_options():
         values = assigned("--set", args.set)
         directions = DIRECTIONS[args.direction]
+        ends = rising_range(args, "Hz", " (--direction down takes it downwards)")
+        low, high = (end for end in ends if end is not None)  # both are required
+        step = (high - low) / (args.points - 1)
+        # in decimals: what is given in MHz is not to be off by a rounding
+        grid_hz = [float(f"{min(low + k * step, high):.12g}") for k in range(args.points)]
         with status_line(NAME) as show:
             show(f"{args.points} points, {' and '.join(directions)}")
             response = fmu.sweep(
-                _frequencies_hz(args),
+                grid_hz,
                 values,
                 tone=args.tone,
                 output=args.output or "",
@@ -95,11 +100,3 @@ def run(args: argparse.Namespace) -> int:
         )
         print(*sweep_lines(response, unit, ran, verbose=args.verbose), sep="\n")
     return 0 if response.steady else 1
-
-
-def _frequencies_hz(args: argparse.Namespace) -> list[float]:
-    """Evenly spaced, in decimals: what is given in MHz is not to be off by a rounding."""
-    ends = rising_range(args, "Hz", " (--direction down takes it downwards)")
-    low, high = (end for end in ends if end is not None)  # both are required
-    step = (high - low) / (args.points - 1)
-    return [float(f"{min(low + k * step, high):.12g}") for k in range(args.points)]

@@ -18,6 +18,8 @@ STYLES = ("report", PAPER, INTERACTIVE)
 FORMATS = ("svg", "png", "pdf")
 #: By which an FMU can be run, in the words of FMI; the first of them where it offers both.
 INTERFACES = ("co-simulation", "model-exchange")
+#: Where no limit is stated: a count beyond that would take years, or all memory.
+MOST, MOST_SEED = 10**6, 2**63 - 1
 #: More processes than that are a slip of the pen on the machines of today.
 MOST_WORKERS = 256
 #: Simulation runs of an inference at most; runs that points of a batch share count once.

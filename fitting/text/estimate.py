@@ -322,17 +322,6 @@ class FittedEstimate(Estimate):
         period = None if self.period is None else factor * self.period
         return replace(self, unit=unit, period=period, **scaled)
 
-    def text(self) -> str:
-        """The value for people; never with a small error where the data do not give one."""
-        if not self.status.has_value:
-            low, high = self.bounds if math.isnan(self.ci95[0]) else self.ci95
-            if math.isnan(low):
-                return "has no value at any parameters tried"
-            return f"{self.status} by these data ({span(low, high)})"
-        if not self.is_most_likely:
-            return f"{self.value:.9g} (most likely {self.likely_words})"
-        return self.likely_words
-
     def withdrawn(self, why: str) -> Self:
         """The value of a model that does not describe the data: its intervals are of nothing.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import math
 import os
 import re
 import stat
@@ -107,50 +106,41 @@ def _sync(handle: int, folder: Path) -> None:
 
 #: A file that is larger is none of those that people mean here.
 MOST_BYTES = 2 * 2**30
+#: What there may be of a name that is no file.
+KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
 
 
-def read_whole(path: Path, wanted: str = "a file") -> bytes:
+def read_whole(path: Path, wanted: str = "a file", head: int | None = None) -> bytes:
     """Content of a file.
 
     Args:
         path: of the file.
         wanted: what it should be, for complaints.
+        head: how many bytes are read at most, however large the file is; None: all.
 
     Raises:
         MissingFile: there is none of that name.
         BadInput: a folder, a pipe or a device (which may never end), too large, or not readable.
     """
-    return _read(path, wanted, MOST_BYTES, -1)
-
-
-def read_head(path: Path, size: int, wanted: str = "a file") -> bytes:
-    """The first bytes of a file, however large it is.
-
-    Args:
-        path: of the file.
-        size: how many bytes at most.
-        wanted: what it should be, for complaints.
-
-    Raises:
-        MissingFile: there is none of that name.
-        BadInput: a folder, a pipe or a device, or not readable.
-    """
-    return _read(path, wanted, math.inf, size)
-
-
-def _read(path: Path, wanted: str, most: float, size: int) -> bytes:
     name = str(path) if str(path).strip() else repr(str(path))
     try:
         result = path.stat()
         if not stat.S_ISREG(result.st_mode):
-            raise BadInput(f"{name}: is {_kind(result.st_mode)}, wanted {wanted}")
-        if result.st_size > most:
+            kind = KINDS.get(stat.S_IFMT(result.st_mode), "no file")
+            raise BadInput(f"{name}: is {kind}, wanted {wanted}")
+        if head is None and result.st_size > MOST_BYTES:
             raise BadInput(
                 f"{name}: has {result.st_size / 1e6:.6g} MB, wanted {wanted} of at most "
                 f"{MOST_BYTES / 1e6:.6g} MB"
             )
         with path.open("rb") as file:
-            return file.read(size)
+            return file.read(head)
     except BadInput:  # a ValueError itself
         raise
     except (FileNotFoundError, NotADirectoryError) as error:
@@ -159,17 +149,6 @@ def _read(path: Path, wanted: str, most: float, size: int) -> bytes:
         raise BadInput(f"{name}: cannot be read: {error.strerror}; wanted {wanted}") from error
     except ValueError as error:  # a NUL character
         raise BadInput(f"{name}: no file can have this name; wanted {wanted}") from error
-
-
-def _kind(mode: int) -> str:
-    kinds = {
-        stat.S_IFDIR: "a folder",
-        stat.S_IFIFO: "a pipe",
-        stat.S_IFSOCK: "a socket",
-        stat.S_IFCHR: "a device",
-        stat.S_IFBLK: "a device",
-    }
-    return kinds.get(stat.S_IFMT(mode), "no file")
 
 
 def path_from(folder: Path, path: Path) -> str:

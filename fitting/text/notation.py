@@ -74,21 +74,14 @@ def symbol(name: str) -> tuple[str, str] | None:
         return None
     letter, index = match[1], match[2] or ""
     if len(letter) > 1:
-        greek = _greek(letter)
-        if greek is None:
+        size = "CAPITAL" if letter[0].isupper() else "SMALL"
+        # Unicode writes the twelfth letter without its b
+        spelled = letter.upper().replace("MBD", "MD")
+        try:
+            letter = unicodedata.lookup(f"GREEK {size} LETTER {spelled}")
+        except KeyError:
             return None
-        letter = greek
     return letter, _SIGNS.get(index, index)
-
-
-def _greek(word: str) -> str | None:
-    size = "CAPITAL" if word[0].isupper() else "SMALL"
-    # Unicode writes the twelfth letter without its b
-    spelled = word.upper().replace("MBD", "MD")
-    try:
-        return unicodedata.lookup(f"GREEK {size} LETTER {spelled}")
-    except KeyError:
-        return None
 
 
 def markup(name: str) -> str:
@@ -372,7 +365,7 @@ def as_its_error(value: float, error: float, digits: int) -> str:
     place = math.floor(math.log10(error)) - 1
     if -12 <= place < 6:
         return rounded_alike(value, error=error)[0]
-    return number(value, min(max(1, math.floor(math.log10(abs(value))) - place + 1), digits))
+    return number(value, min(max(1, _digits_to(place, value)), digits))
 
 
 def error_number(error: float) -> str:
@@ -471,13 +464,11 @@ def as_known(value: float, error: float, unit: str = "") -> str:
         error: standard deviation, in the same unit; NaN: unknown.
         unit: of the values.
     """
-    shown = number(value, _LEAST)
+    digits = _LEAST
     if math.isfinite(error) and error > 0.0 and value != 0.0:
-        place = math.floor(math.log10(error)) - 1
-        digits = _digits_to(place, value)
-        if digits > _LEAST:
-            fixed = -12 <= place < 6
-            shown = rounded_alike(value, error=error)[0] if fixed else number(value, digits)
+        digits = _digits_to(math.floor(math.log10(error)) - 1, value)
+    is_known = digits > _LEAST
+    shown = as_its_error(value, error, _DIGITS) if is_known else number(value, _LEAST)
     return f"{shown} {unit}".rstrip().replace("\u00a0", " ")
 
 
@@ -528,7 +519,9 @@ def percent(share: float, digits: int = 2) -> str:
         digits: significant digits.
     """
     value = 100.0 * share
-    return f"{signed(value, max(0, digits - _places(value)))} %"
+    # digits before the decimal sign, less one
+    places = max(0, int(math.log10(abs(value)))) if value and math.isfinite(value) else 0
+    return f"{signed(value, max(0, digits - places))} %"
 
 
 def probability(p: float) -> str:
@@ -538,11 +531,6 @@ def probability(p: float) -> str:
         p: probability, 0 to 1.
     """
     return f"p = {p:.1g}" if p >= 1e-12 else "p < 1e-12"
-
-
-def _places(value: float) -> int:
-    """Digits before the decimal sign, less one."""
-    return 0 if value == 0.0 or not math.isfinite(value) else max(0, int(math.log10(abs(value))))
 
 
 def listed(items: Iterable[str]) -> str:

@@ -21,7 +21,7 @@ from fitting.text.finding import Finding
 from fitting.text.once import made_once
 
 if TYPE_CHECKING:
-    from jinja2 import Environment, FileSystemBytecodeCache
+    from jinja2 import Environment
 
 TEMPLATES = Path(__file__).parent / "templates"
 #: Templates of an optional package are named by their path in it: "posterior/text.txt.j2".
@@ -35,8 +35,15 @@ def environment(*folders: Path, escaped: bool = False) -> Environment:
         folders: that are searched before those of this package.
         escaped: whether all text is escaped for HTML; not for a terminal.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # most commands print little
+    # most commands print little
+    from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 
+    # compiled templates lie next to compiled modules, where Python keeps those; whether text is
+    # escaped is part of the code, and no part of jinja's key
+    compiled, cache = Path(__file__).parent / "__pycache__", None
+    if not sys.dont_write_bytecode and os.access(compiled, os.W_OK):
+        kind = "html" if escaped else "text"
+        cache = FileSystemBytecodeCache(str(compiled), f"templates-{kind}-%s.cache")
     made = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES, PACKAGE]),
         autoescape=escaped,  # noqa: S701 - a terminal renders no HTML
@@ -44,27 +51,13 @@ def environment(*folders: Path, escaped: bool = False) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        bytecode_cache=_compiled(escaped=escaped),
+        bytecode_cache=cache,
     )
     made.tests["finite"] = math.isfinite
     made.filters["spelled_out"] = spelled_out
     # what writes names and numbers, every template knows by its name
     made.globals.update(inspect.getmembers(notation, inspect.isfunction))
     return made
-
-
-def _compiled(*, escaped: bool) -> FileSystemBytecodeCache | None:
-    """Compiled templates, next to compiled modules, where Python keeps those.
-
-    Whether text is escaped is part of the code, and no part of jinja's key.
-    """
-    from jinja2 import FileSystemBytecodeCache
-
-    folder = Path(__file__).parent / "__pycache__"
-    if sys.dont_write_bytecode or not os.access(folder, os.W_OK):
-        return None
-    kind = "html" if escaped else "text"
-    return FileSystemBytecodeCache(str(folder), f"templates-{kind}-%s.cache")
 
 
 @made_once
@@ -122,5 +115,4 @@ def warning_sentences(findings: Iterable[Finding]) -> tuple[str, ...]:
     Args:
         findings: of a result.
     """
-    urgent = (finding for finding in findings if finding.severity != "note")
-    return tuple(dict.fromkeys(map(sentence, urgent)))
+    return tuple(dict.fromkeys(sentence(each) for each in findings if each.severity != "note"))

@@ -341,14 +341,14 @@ def open_folder_of(path: Path) -> ResultsFolder | None:
     Args:
         path: of a file.
     """
-    if not _OPEN:
-        return None
+    known = list(_OPEN.values())
+    opened = {each.path: each for each in known}
+    opened |= {Path(os.path.abspath(each.folder)): each for each in known}
     # where its links lead, else where it is written: the folder itself refuses to write elsewhere
-    for parent in (_resolved(path.parent), Path(os.path.abspath(path.parent))):
+    for parent in (_resolved(path.parent), Path(os.path.abspath(path.parent))) if known else ():
         for place in (parent, *parent.parents):
-            for opened in list(_OPEN.values()):
-                if place in (opened.path, Path(os.path.abspath(opened.folder))):
-                    return opened
+            if place in opened:
+                return opened[place]
     return None
 
 

@@ -38,6 +38,7 @@ from pydantic import (
     ConfigDict,
     Field,
     GetJsonSchemaHandler,
+    GetPydanticSchema,
     PlainValidator,
     Strict,
     TypeAdapter,
@@ -49,12 +50,13 @@ from pydantic import (
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
+from fitting.text.choices import MOST, MOST_SEED
 from fitting.text.errors import BadInput, did_you_mean, shown
 from fitting.text.once import made_once
 from fitting.text.units import Written, as_written, positive_in
 
-#: No key has a reason to hold more: what it counts would take years.
-MOST, MOST_REPEATS, MOST_SEED = 10**6, 1000, 2**63 - 1
+#: Of what takes a fit or a measurement each.
+MOST_REPEATS = 1000
 
 
 class Keys:
@@ -85,7 +87,6 @@ class Refused(ValueError):
 
     def __init__(self, sentence: str, *key: str) -> None:
         super().__init__(sentence)
-        self.sentence = sentence
         self.key = key
 
 
@@ -118,62 +119,52 @@ class Missing:
     wanted: str
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A number with its unit as a text, "100 Hz": above zero, converted to ``unit``."""
+def Quantity(unit: str) -> GetPydanticSchema:  # noqa: N802
+    """A number with its unit as a text, "100 Hz": above zero, converted.
 
-    unit: str
+    Args:
+        unit: of the number that is read.
+    """
 
-    def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
-        """How pydantic reads it."""
-        return core_schema.no_info_plain_validator_function(self.read)
-
-    def __get_pydantic_json_schema__(self, core: object, handler: object) -> JsonSchemaValue:
-        """A text that begins with a number."""
-        return {
-            "type": "string",
-            "pattern": r"^\s*[+]?(\d|\.\d)",
-            "examples": [f"100 {self.unit}"],
-            "x-unit": self.unit,
-        }
-
-    def read(self, value: Any) -> float:
-        """The number in the unit.
-
-        Args:
-            value: the value.
-        """
+    def read(value: Any) -> float:
         with refusing():
-            return positive_in(as_written(value, ""), self.unit)
+            return positive_in(as_written(value, ""), unit)
+
+    schema = {
+        "type": "string",
+        "pattern": r"^\s*[+]?(\d|\.\d)",
+        "examples": [f"100 {unit}"],
+        "x-unit": unit,
+    }
+    read_by = core_schema.no_info_plain_validator_function(read)
+    return GetPydanticSchema(lambda kind, handler: read_by, lambda core, handler: schema)
 
 
-@dataclass(frozen=True)
-class Rest:
-    """Behind a record: tables in it, and keys that it does not have, are its mapping ``field``."""
+def Rest(name: str) -> GetPydanticSchema:  # noqa: N802
+    """Behind a record: tables in it, and keys that it does not have, are one mapping of it.
 
-    field: str
+    Args:
+        name: of the field that is the mapping.
+    """
 
-    def __get_pydantic_core_schema__(
-        self, source: type[Any], handler: Callable[[Any], CoreSchema]
-    ) -> CoreSchema:
-        """How pydantic reads it."""
-        names = {f.name for f in fields(source)} - {self.field}
+    def core(source: Any, handler: Callable[[Any], CoreSchema]) -> CoreSchema:
+        names = {f.name for f in fields(source)} - {name}
 
         def apart(table: Any) -> Any:
             if not isinstance(table, Mapping):
                 return table
             rest = {k: v for k, v in table.items() if isinstance(v, Mapping) or k not in names}
-            return {k: v for k, v in table.items() if k not in rest} | {self.field: rest}
+            return {k: v for k, v in table.items() if k not in rest} | {name: rest}
 
         return core_schema.no_info_before_validator_function(apart, handler(source))
 
-    def __get_pydantic_json_schema__(
-        self, core: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
-        """The record, its mapping's entries as further keys."""
-        made = handler.resolve_ref_schema(handler(core))
-        made["additionalProperties"] = made["properties"].pop(self.field)["additionalProperties"]
+    def described(inner: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        # the mapping's entries are further keys of the record
+        made = handler.resolve_ref_schema(handler(inner))
+        made["additionalProperties"] = made["properties"].pop(name)["additionalProperties"]
         return made
+
+    return GetPydanticSchema(core, described)
 
 
 def wanted(words: str) -> WrapValidator:
@@ -207,32 +198,23 @@ def checked_by(check: Callable[[Any], object]) -> AfterValidator:
     return AfterValidator(look)
 
 
-@dataclass(frozen=True)
-class OneOf:
-    """One of a few words (of the keys, if it is a mapping), to be written behind ``Text``."""
+def OneOf(words: Collection[str]) -> GetPydanticSchema:  # noqa: N802
+    """One of a few words (of the keys, if it is a mapping), to be written behind ``Text``.
 
-    words: Collection[str]
+    Args:
+        words: that are allowed.
+    """
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: Callable[[Any], CoreSchema]
-    ) -> CoreSchema:
-        """How pydantic reads it."""
-        return core_schema.no_info_after_validator_function(self.read, handler(source))
-
-    def __get_pydantic_json_schema__(self, core: object, handler: object) -> JsonSchemaValue:
-        """The words."""
-        return {"type": "string", "enum": list(self.words)}
-
-    def read(self, value: str) -> str:
-        """The word, if it is one of them.
-
-        Args:
-            value: the value.
-        """
-        if value not in self.words:
-            words = ", ".join(f'"{word}"' for word in self.words)
-            raise Refused(f"found {shown(value)}, wanted one of {words}")
+    def check(value: str) -> str:
+        if value not in words:
+            known = ", ".join(f'"{word}"' for word in words)
+            raise Refused(f"found {shown(value)}, wanted one of {known}")
         return value
+
+    return GetPydanticSchema(
+        lambda kind, handler: core_schema.no_info_after_validator_function(check, handler(kind)),
+        lambda core, handler: {"type": "string", "enum": list(words)},
+    )
 
 
 def _different(values: tuple[str, ...]) -> tuple[str, ...]:
@@ -312,7 +294,6 @@ WholeNumber = Annotated[
     int, Strict(), Field(ge=0, le=MOST_SEED), wanted("a whole number from 0 to 2^63 - 1")
 ]
 Count = Annotated[int, Strict(), Field(ge=1, le=MOST), wanted(f"a whole number from 1 to {MOST}")]
-#: Of what takes a fit or a measurement each.
 Repeats = Annotated[
     int,
     Strict(),
@@ -427,19 +408,10 @@ def _complaints(
 ) -> Sequence[str]:
     """A line for every error; a key that is missing because it is misspelt is one, not two."""
     unknown_key = "unexpected_keyword_argument"
-    errors = error.errors(include_url=False)
-    unknown = list(
-        itertools.islice((e["loc"] for e in errors if e["type"] == unknown_key), MOST_HINTS)
-    )
-
-    def is_misspelt(loc: Place) -> bool:
-        return any(
-            loc and u[:-1] == loc[:-1] and did_you_mean(str(u[-1]), [str(loc[-1])], listed=False)
-            for u in unknown
-        )
-
     lines: list[str] = []
+    meant: set[Place] = set()
     # a misspelt table explains what seems missing in it: first what is unknown
+    errors = error.errors(include_url=False)
     for e in sorted(errors, key=lambda e: e["type"] != unknown_key):
         loc, value = e["loc"], e["input"]
         place, key = (*names, *loc), str(loc[-1]) if loc else ""
@@ -448,10 +420,11 @@ def _complaints(
                 record = _record_at(kind, loc[:-1])
                 known = sorted(f.name for f in fields(record)) if len(lines) < MOST_HINTS else []
                 hint = getattr(record, "elsewhere", {}).get(key) or did_you_mean(key, known)
+                meant |= {(*loc[:-1], name) for name in known if f"'{name}'" in hint}
                 where = source.where(place[:-1], table=True)
                 lines.append(f"{where}: unknown key '{key}'{hint}")
             case "missing":
-                if is_misspelt(loc) or is_misspelt(loc[:-1]):
+                if loc in meant or loc[:-1] in meant:
                     continue
                 hints = typing.get_type_hints(_record_at(kind, loc[:-1]), include_extras=True)
                 notes = getattr(hints.get(key), "__metadata__", ())

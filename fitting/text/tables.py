@@ -370,15 +370,13 @@ def _is_mistaken(cell: str) -> bool:
     text = cell.lstrip()
     if text[:1] == APOSTROPHE:
         return _is_mistaken(text[1:])
-    return len(text) > 1 and text[0] in MARKS and not _is_number(text)
-
-
-def _is_number(text: str) -> bool:
+    if len(text) < 2 or text[0] not in MARKS:
+        return False
     try:
         float(text)
     except ValueError:
-        return False
-    return True
+        return True
+    return False
 
 
 def hertz_of(values: Iterable[float], unit: str, *, where: str) -> FloatArray:

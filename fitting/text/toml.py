@@ -18,6 +18,7 @@ lines are all the same tables to it.
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import tomllib
@@ -107,7 +108,10 @@ def rewritten(text: str, edit: Callable[[Tables], None], head: Sequence[str] = (
     Raises:
         ValueError: the text is not TOML.
     """
-    kept = _without_head(text) if head else text
+    # the remarks and empty lines at the top of the text
+    lines = text.splitlines(keepends=True) if head else []
+    old = itertools.takewhile(lambda line: not line.strip() or line.startswith("#"), lines)
+    kept = text[sum(map(len, old)) :]
     plain: dict[str, Any] = tomllib.loads(kept)
     edit(plain)
     try:
@@ -182,12 +186,3 @@ def _unwrapped(value: Any) -> Any:
 
 def _headed(text: str, head: Sequence[str]) -> str:
     return "".join(f"# {line}".rstrip() + "\n" for line in head) + text
-
-
-def _without_head(text: str) -> str:
-    """The text without the remarks and empty lines at its top."""
-    lines = text.splitlines(keepends=True)
-    first = next(
-        (i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")), len(lines)
-    )
-    return "".join(lines[first:])

@@ -33,7 +33,7 @@ from fitting.campaign.instruments.recording import (
 )
 from fitting.campaign.instruments.roles import FREQUENCY, TIME, plain_name
 from fitting.text.errors import BadInput, SeveralSweeps
-from fitting.text.files import read_head
+from fitting.text.files import read_whole
 from fitting.text.notation import how_many
 from fitting.text.tables import named_column, read_text
 from fitting.text.units import same_kind
@@ -295,7 +295,7 @@ def _read_hdf5(path: Path, selection: Selection) -> Recording:
 
         with h5py.File(path, "r") as file:
             file.visititems(visit)
-    is_matlab = read_head(path, 10).startswith(b"MATLAB")
+    is_matlab = read_whole(path, head=10).startswith(b"MATLAB")
     return recording_of(path, result, "MATLAB 7.3" if is_matlab else "HDF5", selection)
 
 

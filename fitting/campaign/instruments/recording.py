@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, did_you_mean, gathered
-from fitting.text.files import read_head
+from fitting.text.files import read_whole
 from fitting.text.finding import Finding
 from fitting.text.notation import how_many
 from fitting.text.once import made_once
@@ -457,7 +457,7 @@ def head_of(path: Path) -> Head:
         BadInput: no such file, or not readable.
     """
     with naming_neighbours(path):
-        return Head(path, read_head(path, HEAD_BYTES))
+        return Head(path, read_whole(path, head=HEAD_BYTES))
 
 
 @dataclass(frozen=True)

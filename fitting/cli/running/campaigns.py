@@ -43,11 +43,11 @@ def complaints_of_options() -> Iterator[None]:
     try:
         yield
     except ff.BadInput as error:
-        raise ff.BadInput(*(ARGUMENT.sub(_by_option, str(each)) for each in error.args)) from error
 
+        def option(match: re.Match[str]) -> str:
+            return f"{OPTIONS[match[1]]} {match[2] or ''}".rstrip() + ": "
 
-def _by_option(match: re.Match[str]) -> str:
-    return f"{OPTIONS[match[1]]} {match[2] or ''}".rstrip() + ": "
+        raise ff.BadInput(*(ARGUMENT.sub(option, str(each)) for each in error.args)) from error
 
 
 def fmu_of(args: argparse.Namespace) -> ff.Fmu:

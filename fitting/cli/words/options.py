@@ -14,13 +14,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import fitting as ff
-from fitting.text.choices import BUDGET, EVALUATIONS, INTERFACES, MOST_WORKERS
+from fitting.text.choices import BUDGET, EVALUATIONS, INTERFACES, MOST, MOST_SEED, MOST_WORKERS
 from fitting.text.errors import BadInput, shown
 from fitting.text.units import Written, checked_accuracy, in_unit
 
-#: Where no limit is stated: a count beyond that would take years, or all memory.
-MOST = 10**6
-MOST_SEED = 2**63 - 1
 LARGEST = 1e60
 Number = TypeVar("Number", int, float)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
+import itertools
 import re
 from collections.abc import Sequence
 from types import ModuleType
@@ -120,15 +121,26 @@ def parsed(given: Sequence[str]) -> argparse.Namespace:
         given: words of the command line.
 
     Raises:
-        BadInput: words that mean nothing.
+        BadInput: words that mean nothing: a line for each unknown option, with the nearest one.
     """
     named = next((word for word in given if not word.startswith("-")), None)
     if named is not None and named not in COMMANDS:
         hint = did_you_mean(named, list(COMMANDS))
         raise BadInput(f"no command {named!r}{hint} (see {PROGRAM} --help)")
     parser = parser_of(() if named is None else (named,))
-    if named is not None:
-        _refuse_unknown(given, named, commands_of(parser)[named])
+    if named is not None:  # options that the command has not, before those that are missing
+        actions = commands_of(parser)[named]._actions
+        known = [option for action in actions for option in action.option_strings]
+        words = itertools.takewhile(lambda w: w != "--", given[given.index(named) + 1 :])
+        requested = [word.partition("=")[0] for word in words if word.startswith("--")]
+        complaints = [
+            f"no option {option!r}{did_you_mean(option, known, listed=False)} "
+            f"(see {PROGRAM} {named} --help)"
+            for option in dict.fromkeys(requested)
+            if " " not in option and not any(name.startswith(option) for name in known)
+        ]
+        if complaints:
+            raise BadInput(*complaints)
     return parser.parse_args(given)
 
 
@@ -215,23 +227,3 @@ def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentP
     """
     [made] = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
     return dict(made.choices)
-
-
-def _refuse_unknown(given: Sequence[str], named: str, parser: argparse.ArgumentParser) -> None:
-    """Complain of options that the command has not, before those that are missing.
-
-    Raises:
-        BadInput: a line for each of them, with the option that is nearest.
-    """
-    known = [option for action in parser._actions for option in action.option_strings]
-    words = list(given[given.index(named) + 1 :])
-    words = words[: words.index("--")] if "--" in words else words
-    requested = [word.partition("=")[0] for word in words if word.startswith("--")]
-    complaints = [
-        f"no option {option!r}{did_you_mean(option, known, listed=False)} "
-        f"(see {PROGRAM} {named} --help)"
-        for option in dict.fromkeys(requested)
-        if " " not in option and not any(name.startswith(option) for name in known)
-    ]
-    if complaints:
-        raise BadInput(*complaints)
