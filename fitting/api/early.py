@@ -23,5 +23,5 @@ RESULT_FILES = (
     "figures/[0-9]*_*.*",
 )
 #: Where the finished levels of a search are kept, in the folder of its results.
-LEVELS_FILE = "checkpoint.json"
+LEVELS_FILE = "checkpoint.jsonl"
 CALIBRATED_FILES = ("*_calibrated.fmu", "*_calibrated.ssv", "*_calibrated.ssp", "parameters.csv")

@@ -21,7 +21,6 @@ import numpy as np
 from fitting.api.printed import HtmlText, data_frame
 from fitting.api.problem import Problem
 from fitting.engine.threads import one_thread
-from fitting.fit import checkpoint
 from fitting.fit.checkpoint import Checkpoint as KeptLevels
 from fitting.fit.fit import Fit as FitRecord
 from fitting.fit.fit import Status, promised_anew, solve_problem, with_path
@@ -656,9 +655,7 @@ def kept_levels(
     """
     sha256 = problem.fmu.description.sha256 if problem.has_fmu else ""
     job = job_of(problem.record, sha256, options)
-    if resume:
-        return checkpoint.resume(Path(folder), job)
-    return checkpoint.Checkpoint(Path(folder), job)
+    return KeptLevels(Path(folder), job, resume=resume)
 
 
 @checked

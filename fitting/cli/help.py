@@ -45,11 +45,10 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         BadInput: there is no page and no command of that name, and no heading with that word.
     """
+    paths = [p for folder in FOLDERS for p in sorted((shipped("docs") / folder).glob("*.md"))]
+    every = {f"{path.parent.name}/{path.stem}": path for path in paths}
     listed: dict[str, Path] = {}
-    every: dict[str, Path] = {}
-    for path in (p for folder in FOLDERS for p in sorted((shipped("docs") / folder).glob("*.md"))):
-        full = f"{path.parent.name}/{path.stem}"
-        every[full] = path
+    for full, path in every.items():
         listed[full if path.stem in listed else path.stem] = path
     topic = args.topic
     if topic is None:
@@ -58,10 +57,10 @@ def run(args: argparse.Namespace) -> int:
         for name, path in listed.items():
             title = path.read_text("utf-8").partition("\n")[0].removeprefix("# ")
             print(f"{name:{width}}  {title}")
-    elif topic in COMMANDS and topic not in listed:
+    elif page := listed.get(topic) or every.get(topic):
+        print(*_on_terminal(page.read_text("utf-8")), sep="\n")
+    elif topic in COMMANDS:
         parsed([topic, "--help"])
-    elif topic in listed or topic in every:
-        print(*_on_terminal((listed.get(topic) or every[topic]).read_text("utf-8")), sep="\n")
     elif places := list(_places(topic, listed)):
         print(f"no page {topic!r}; pages that have the word in a heading, a key or a finding:\n")
         width = max(len(page) for page, _ in places)

@@ -1,45 +1,38 @@
 """Finished levels on disk, so that a reconstruction goes on where it was stopped.
 
 A level depends on the end of the one before and on nothing else, so a resumed run ends bit for bit
-where an uninterrupted one does. They are one JSON file, replaced atomically: kill -9 at any moment
-loses the level that was running, and nothing else.
+where an uninterrupted one does. They are the parts of a journal: kill -9 at any moment loses the
+level that was running, and nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from fitting.fit.path import PathLevel
-from fitting.text.errors import BadInput
-from fitting.text.journal import OTHER_JOB
-from fitting.text.records import from_plain, read_json, write_json
+from fitting.text.journal import Journal
 
-NAME = "checkpoint.json"
-
-
-@dataclass(frozen=True)
-class _Saved:
-    """Content of the file: `job` identifies everything that a finished level depends on."""
-
-    job: str
-    finished: tuple[Any, ...]
+NAME = "checkpoint.jsonl"
 
 
 class Checkpoint:
-    """Finished levels of one job, in memory and in `folder`/checkpoint.json.
+    """Finished levels of one job, in memory and in `folder`/checkpoint.jsonl.
 
     Args:
         folder: where the file is; one that is there stays until the first level is recorded.
         job: fingerprint of everything that a level depends on.
-        levels: that have ended already.
+        resume: whether the levels count that an interrupted run of the same job left.
+
+    Raises:
+        BadInput: the file of an interrupted run is of another job, or is no checkpoint.
     """
 
-    def __init__(self, folder: Path, job: str, levels: Iterable[PathLevel] = ()) -> None:
-        self.path, self.job = folder / NAME, job
-        self._levels = {(each.kind, each.alternative, each.level): each for each in levels}
+    def __init__(self, folder: Path, job: str, *, resume: bool = False) -> None:
+        self.path = folder / NAME
+        self._journal = Journal(self.path, job, PathLevel)
+        self._levels: dict[tuple[str, int, int], PathLevel] = {}
+        for each in self._journal.resume() if resume else ():
+            self._levels[each.kind, each.alternative, each.level] = each
 
     def recall(self, kind: str, alternative: int, level: int) -> PathLevel | None:
         """The finished level of that place, None if there is none.
@@ -52,7 +45,7 @@ class Checkpoint:
         return self._levels.get((kind, alternative, level))
 
     def record(self, level: PathLevel) -> None:
-        """Add a finished level, and replace the file.
+        """Add a finished level, also to the file.
 
         Args:
             level: that has ended.
@@ -61,7 +54,7 @@ class Checkpoint:
             BadInput: the file cannot be written.
         """
         self._levels[level.kind, level.alternative, level.level] = level
-        write_json(self.path, _Saved(self.job, tuple(self._levels.values())))
+        self._journal.record(level)
 
     def remove(self) -> None:
         """Delete the file: the job is done."""
@@ -75,26 +68,3 @@ class Checkpoint:
 
     def __len__(self) -> int:
         return len(self._levels)
-
-
-def resume(folder: Path, job: str) -> Checkpoint:
-    """The checkpoint that an interrupted run of the same job left, empty if it left none.
-
-    Args:
-        folder: where the checkpoint is kept.
-        job: fingerprint of everything that a level depends on.
-
-    Raises:
-        BadInput: the file is of another job, or is no checkpoint.
-    """
-    path = folder / NAME
-    if not path.exists():
-        return Checkpoint(folder, job)
-    saved = read_json(path, _Saved)
-    if saved.job != job:
-        raise BadInput(f"{path}: {OTHER_JOB}")
-    levels = [
-        from_plain(PathLevel, plain, f"{path}: finished[{place}]")
-        for place, plain in enumerate(saved.finished)
-    ]
-    return Checkpoint(folder, job, levels)

@@ -91,12 +91,12 @@ class Journal(Generic[Part]):
         Raises:
             BadInput: the file cannot be written.
         """
-        if not self._started:
-            write_whole(self.path, json.dumps({"job": self.job}) + "\n")
-            self._started = True
         line = json.dumps(to_plain(part), allow_nan=False, separators=(",", ":")) + "\n"
         folder = open_folder_of(self.path)
-        if folder is None:
+        if not self._started:  # a file that is there holds a part
+            write_whole(self.path, json.dumps({"job": self.job}) + "\n" + line)
+            self._started = True
+        elif folder is None:
             add_to_file(self.path, line.encode())
         else:
             folder.add_to(self.path, line)

@@ -63,8 +63,8 @@ def refused(
     assert told.out == ""
     assert told.err.startswith("fmu-fit: ")
     assert told.err.endswith("\n")
-    assert told.err.count("\n") == 1 + ("checkpoint.json" in left)
-    assert ("--resume" in told.err) == ("checkpoint.json" in left)
+    assert told.err.count("\n") == 1 + ("checkpoint.jsonl" in left)
+    assert ("--resume" in told.err) == ("checkpoint.jsonl" in left)
     assert "Traceback" not in told.err
     assert left_in(out) == list(left)
     return told.err

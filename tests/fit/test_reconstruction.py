@@ -265,7 +265,7 @@ def test_an_interrupted_run_reports_and_a_resumed_one_ends_the_same(
         memory.stop_after = stop_after
         partial = run(noisy_campaign, Hooks(memory=memory))
         assert partial.status == "interrupted"
-        kept = checkpoint.resume(tmp_path, job)
+        kept = checkpoint.Checkpoint(tmp_path, job, resume=True)
         assert len(kept) == stop_after
         again = run(noisy_campaign, Hooks(memory=kept))
         assert without_times(again) == without_times(whole)

@@ -128,7 +128,7 @@ def test_checkpoints(tmp_path: Path) -> None:
     first = checkpoint.Checkpoint(tmp_path, "job one")
     first.record(STEP)
     first.record(replace(STEP, level=3, x=(1 / 3, 1e-300)))
-    again = checkpoint.resume(tmp_path, "job one")
+    again = checkpoint.Checkpoint(tmp_path, "job one", resume=True)
     assert len(again) == 2
     assert again.recall(PATH, 0, 2) == STEP
     found = again.recall(PATH, 0, 3)
@@ -136,18 +136,20 @@ def test_checkpoints(tmp_path: Path) -> None:
     assert found.x == (1 / 3, 1e-300)
     assert again.recall(GLOBAL, 0, 2) is None
     with pytest.raises(BadInput, match=checkpoint.NAME.replace(".", r"\.")):
-        checkpoint.resume(tmp_path, "job two")
+        checkpoint.Checkpoint(tmp_path, "job two", resume=True)
     again.record(replace(STEP, runs=1))  # a later one of a place counts
-    assert checkpoint.resume(tmp_path, "job one").recall(PATH, 0, 2) == replace(STEP, runs=1)
+    assert checkpoint.Checkpoint(tmp_path, "job one", resume=True).recall(PATH, 0, 2) == replace(
+        STEP, runs=1
+    )
     path = tmp_path / checkpoint.NAME
     assert again.resumed().startswith("2 ")
     assert again.resumed().endswith(f" {path}")
     again.remove()
-    assert len(checkpoint.resume(tmp_path, "job two")) == 0
-    assert str(path) in checkpoint.resume(tmp_path, "job two").resumed()
-    path.write_text('{"job": "one", "finished": [{"kind": "a"}]}')
-    with pytest.raises(BadInput, match=r"finished\[0\]: .*'level'"):
-        checkpoint.resume(tmp_path, "one")
+    assert len(checkpoint.Checkpoint(tmp_path, "job two", resume=True)) == 0
+    assert str(path) in checkpoint.Checkpoint(tmp_path, "job two", resume=True).resumed()
+    path.write_text('{"job": "one"}\n{"kind": "a"}\n')
+    with pytest.raises(BadInput, match=r"row 2: .*'level'"):
+        checkpoint.Checkpoint(tmp_path, "one", resume=True)
 
 
 def test_a_checkpoint_is_whole_at_any_moment(tmp_path: Path) -> None:
@@ -155,7 +157,7 @@ def test_a_checkpoint_is_whole_at_any_moment(tmp_path: Path) -> None:
     kept = checkpoint.Checkpoint(tmp_path, "job")
     for level in range(30):
         kept.record(replace(STEP, level=level))
-        assert len(checkpoint.resume(tmp_path, "job")) == level + 1
+        assert len(checkpoint.Checkpoint(tmp_path, "job", resume=True)) == level + 1
 
 
 def test_a_derived_value_is_printed_with_its_error() -> None:
