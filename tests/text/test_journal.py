@@ -45,6 +45,17 @@ def test_parts_come_back_exactly_and_more_are_added(tmp_path: Path) -> None:
     assert list(journal(tmp_path).resume()) == [*PARTS, Part("c", 1.0)]
 
 
+def test_a_file_that_is_there_holds_a_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who waits for the file and then ends the job has something to go on from."""
+
+    def killed(path: Path, data: bytes) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fitting.text.journal.add_to_file", killed)
+    journal(tmp_path).record(PARTS[0])
+    assert list(journal(tmp_path).resume()) == PARTS[:1]
+
+
 @pytest.mark.parametrize("cut", range(1, 40, 3))
 def test_a_line_that_was_cut_is_left_out(tmp_path: Path, cut: int) -> None:
     path = written(tmp_path)
