@@ -465,4 +465,7 @@ def positive_in(written: Written, unit: str) -> float:
             f"{written.where}: {written.value!r} has no unit, wanted a text as in "
             f'"{written.value} {unit}"'
         )
-    return above_zero(written, unit)
+    value = in_unit(written, unit)
+    if value <= 0.0:
+        raise BadInput(f"{written.where}: found '{written.value}', wanted more than zero")
+    return value
