@@ -57,8 +57,8 @@ def run(args: argparse.Namespace) -> int:
         for name, path in listed.items():
             title = path.read_text("utf-8").partition("\n")[0].removeprefix("# ")
             print(f"{name:{width}}  {title}")
-    elif page := listed.get(topic) or every.get(topic):
-        print(*_on_terminal(page.read_text("utf-8")), sep="\n")
+    elif chosen := listed.get(topic) or every.get(topic):
+        print(*_on_terminal(chosen.read_text("utf-8")), sep="\n")
     elif topic in COMMANDS:
         parsed([topic, "--help"])
     elif places := list(_places(topic, listed)):
