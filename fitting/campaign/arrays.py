@@ -202,6 +202,8 @@ class Sweep:
         setup: How the FMU is driven and what is observed.
         frequency_hz: Frequencies of the tone, shape (n,), Hz, rising.
         amplitude_v: Peak amplitudes, shape (n,), in ``amplitude_unit``.
+        sigma_v: Standard errors of the amplitudes, shape (n,), in ``amplitude_unit``, above zero;
+            None: unknown.
         phase_rad: Phases, shape (n,), rad, for figures; None: not measured.
         settings: Start values of the FMU by variable, in the FMU's units.
         setting_sigma: Standard deviations of settings, numbers in the FMU's units or texts as "0.2
@@ -224,6 +226,7 @@ class Sweep:
     frequency_hz: npt.ArrayLike
     amplitude_v: npt.ArrayLike
     _: KW_ONLY
+    sigma_v: npt.ArrayLike | None = None
     phase_rad: npt.ArrayLike | None = None
     settings: Mapping[str, Scalar] | None = None
     setting_sigma: Mapping[str, float | str] | None = None
@@ -249,7 +252,7 @@ class Sweep:
             raise BadInput('sweep: setting_sigma has a meaning with use = "fit" only')
         for trouble in offset_trouble(self.background, self.use, self.scale):
             raise BadInput(f"sweep: background: {trouble}")
-        for name in ("frequency_hz", "amplitude_v", "phase_rad"):
+        for name in ("frequency_hz", "amplitude_v", "sigma_v", "phase_rad"):
             object.__setattr__(self, name, getattr(self.data, name))
 
     @cached_property
@@ -258,6 +261,7 @@ class Sweep:
         return SweepData(
             frequency_hz=self.frequency_hz,  # type: ignore[arg-type]  # made an array there
             amplitude_v=self.amplitude_v,  # type: ignore[arg-type]
+            sigma_v=self.sigma_v,  # type: ignore[arg-type]
             phase_rad=self.phase_rad,  # type: ignore[arg-type]
             source=Path(f"{_top(self.series)}sweep"),
             unit=self.amplitude_unit,
@@ -418,6 +422,7 @@ def _bound_series(
         sweep = replace(
             own.data,
             amplitude_v=factor * own.data.amplitude_v,
+            sigma_v=None if own.data.sigma_v is None else factor * own.data.sigma_v,
             settings=settings(own.settings or {}, "sweep: settings"),
             setting_sigma=bind_sigmas(sigmas, binder),
             source=NO_FILE / name,

@@ -167,7 +167,7 @@ def completed(
     parameters += bound.drift.parameters
     sweep = bound.sweep
     if sweep is not None and sweep.scale == "free":
-        spread = sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, bound.noise)
+        spread = sweep_sigmas(sweep, bound.noise)
         sigma = sweep_scale_sigma(sweep.amplitude_v, spread, "fit")
         parameters.append(scale_parameter(sigma, swept=sweep.use == "fit"))
     parameters += [p for m in further for p in m.parameters]
@@ -386,6 +386,8 @@ def _in_unit_of_output(campaign: Campaign, output: FmuVariable, binder: Binder) 
         for e in campaign.experiments
     )
     sweep = campaign.sweep and converted(campaign.sweep)
+    if sweep is not None and sweep.sigma_v is not None:
+        sweep = replace(sweep, sigma_v=factor * sweep.sigma_v)
     return replace(campaign, experiments=experiments, sweep=sweep, unit=unit)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -31,7 +32,7 @@ from fitting.signal.amplitudes import Amplitude, to_peak
 from fitting.signal.peaks import read_peaks
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.errors import BadInput, Complaints, did_you_mean, gathered
-from fitting.text.finding import left_out
+from fitting.text.finding import Kind, left_out, of_kind
 from fitting.text.notation import hertz
 from fitting.text.tables import Column, Table, hertz_of, parse_number, read_table, read_text
 from fitting.text.toml import read_toml
@@ -146,6 +147,7 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
     phase_rad = None
     if raw.phase is not None:
         phase_rad = raw.phase * convert(1.0, raw.phase_unit, "rad", where=f"{raw.path}: phase")
+    sigma_v = _sigmas(raw, amplitude_v, written.detector)
     cut, omitted = clipped_top(amplitude_v), raw.left_out
     # a ratio of maxima has none without them: there the scale is told to be in doubt
     if np.any(cut) and written.use == "fit" and written.scale != "maximum":
@@ -155,10 +157,12 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
         omitted += (replace(result, names={**result.names, "unit": (unit,)}),)
         frequency_hz, amplitude_v = frequency_hz[~cut], amplitude_v[~cut]
         phase_rad = None if phase_rad is None else phase_rad[~cut]
+        sigma_v = None if sigma_v is None else sigma_v[~cut]
     return SweepData(
         frequency_hz=frequency_hz,
         amplitude_v=amplitude_v,
         phase_rad=phase_rad,
+        sigma_v=sigma_v,
         source=written.file,
         unit=unit,
         notes=dict(raw.notes),
@@ -167,6 +171,24 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
         scale=written.scale,
         background=written.background,
     )
+
+
+def _sigmas(raw: RawTrace, amplitude_v: FloatArray, detector: Amplitude) -> FloatArray | None:
+    """Standard errors of peak amplitudes, in their unit; None where the campaign names none."""
+    if raw.sigma is None:
+        return None
+    where = f"{raw.path}: standard errors"
+    for i in np.flatnonzero(raw.sigma <= 0.0)[:1]:
+        raise BadInput(
+            f"{where}: {raw.places[i]}: found {raw.sigma[i]:.6g} {raw.sigma_unit}; wanted more "
+            "than zero"
+        )
+    if detector.kind not in ("dB", "dBm"):
+        return to_peak(raw.sigma, raw.sigma_unit, detector, str(raw.path), raw.places, "sigma")
+    # a level's: an error of 1 dB is a share ln(10)/20 of the amplitude
+    if raw.sigma_unit not in ("dB", "dBm"):
+        raise BadInput(f"{where}: are in {raw.sigma_unit}, wanted dB like the amplitudes")
+    return np.asarray(amplitude_v * math.log(10.0) / 20.0 * raw.sigma)
 
 
 def _calibrated(raw: RawTrace, detector: Amplitude) -> tuple[FloatArray, FloatArray]:
@@ -343,7 +365,9 @@ def _experiment(  # noqa: PLR0913 - a row of the file, and what it means
         return checked_experiment(read(**own, unknown=unknown, restarted=restarted))
     source, unit = folder / str(written.spectra).replace("{experiment}", label), detector.unit
     raw = read_trace(source, written.layout, written.selection(written.columns))
-    spectrum = Spectrum(*_calibrated(raw, detector), source=source, unit=unit)
+    other = of_kind(raw.left_out, Kind.other_columns)
+    calibrated = _calibrated(raw, detector)
+    spectrum = Spectrum(*calibrated, source=source, unit=unit, left_out=other)
     measured, kind = (spectrum.frequency_hz, spectrum.amplitude_v), written.noise_floor
     reading = read_peaks(*measured, lines_hz, kind, source=str(source))
     floor_v = 0.0 if kind == "none" else reading.floor.level_v

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from fitting.campaign.instruments import LAYOUTS
-from fitting.campaign.instruments.recording import Columns, Selection
+from fitting.campaign.instruments.recording import Columns, Selection, SweepColumns
 from fitting.campaign.kind import MeasurementTable
 from fitting.campaign.measured import UNKNOWN
 from fitting.campaign.parameters import ParameterTable
@@ -350,6 +350,9 @@ class WrittenSweep(WrittenTrace):
 
     file: FileName
     """The measured FRF, at least 8 points."""
+    columns: SweepColumns = field(default_factory=SweepColumns)
+    """Columns of other than the usual names, with unit as "X1 (mV)" if the file states none; and
+    that of standard errors, sigma."""
     set: Mapping[str, Value] = field(default_factory=dict)
     """FMU variables during the sweep."""
     set_sigma: Mapping[str, Value] = field(default_factory=dict)

@@ -34,6 +34,8 @@ UNKNOWN = ("phase", "gain", "none")
 class Spectrum:
     """A measured spectrum: ``frequency_hz`` (n,), ``amplitude_v`` (n,) peak, in ``unit``.
 
+    ``left_out`` states which points and columns of the file are not in it.
+
     Raises:
         BadInput: arrays of different lengths or too short, frequencies that do not rise from above
             zero, amplitudes that are negative or no numbers.
@@ -44,6 +46,7 @@ class Spectrum:
     _: KW_ONLY
     source: Path = NO_FILE
     unit: str = "V"
+    left_out: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         _set_arrays(self, "frequency_hz", "amplitude_v")
@@ -148,18 +151,18 @@ def checked_experiment(e: Experiment) -> Experiment:
 class SweepData(Spectrum):
     """The FRF sweep: as a spectrum, with ``phase_rad`` (n,) or None.
 
-    ``unit`` is the detector's; ``notes`` are header entries of the instrument; ``left_out`` states
-    which points of the file are not among them, and why. ``use``, ``scale`` and ``background`` are
-    what it serves; ``settings`` are in the FMU's units, ``setting_sigma`` their declared errors;
-    ``label`` is what values of its own are named by, empty where it has none.
+    ``sigma_v`` (n,) are standard errors of the amplitudes, None where they are not known. ``unit``
+    is the detector's; ``notes`` are header entries of the instrument. ``use``, ``scale`` and
+    ``background`` are what it serves; ``settings`` are in the FMU's units, ``setting_sigma`` their
+    declared errors; ``label`` is what values of its own are named by, empty where it has none.
 
     Raises:
         BadInput: as `Spectrum`, fewer than 8 points, or every amplitude zero.
     """
 
     phase_rad: FloatArray | None = None
+    sigma_v: FloatArray | None = None
     notes: Mapping[str, str] = field(default_factory=dict)
-    left_out: tuple[Finding, ...] = ()
     settings: Mapping[str, Scalar] = field(default_factory=dict)
     use: str = "scale"
     scale: str = "maximum"
@@ -170,12 +173,17 @@ class SweepData(Spectrum):
     def __post_init__(self) -> None:
         super().__post_init__()
         where = str(self.source)
-        _set_arrays(self, "phase_rad")
+        _set_arrays(self, "phase_rad", "sigma_v")
         check_count(self.frequency_hz.size, where)
         if not np.any(self.amplitude_v > 0.0):
             raise BadInput(f"{where}: every amplitude is zero; wanted a resonance")
         if self.phase_rad is not None:
             check_finite(self.phase_rad, self.frequency_hz.size, f"{where}: phases")
+        if self.sigma_v is not None:
+            check_finite(self.sigma_v, self.frequency_hz.size, f"{where}: standard errors")
+            if not np.all(self.sigma_v > 0.0):
+                least = np.min(self.sigma_v)
+                raise BadInput(f"{where}: standard errors from {least:.6g}; wanted positive ones")
 
     @cached_property
     def far_off(self) -> tuple[tuple[int, float], ...]:

@@ -26,6 +26,7 @@ from fitting.text.units import in_unit
 
 if TYPE_CHECKING:  # it is read with what stands here
     from fitting.campaign.data import Campaign
+    from fitting.campaign.measured import SweepData
 
 #: Repeats tell the scatter from this many degrees of freedom on (to a third of it).
 ENOUGH_REPEATS = 4
@@ -152,35 +153,37 @@ def repeat_scatter(
     return math.sqrt(max(0.0, squares / freedom - floor)), freedom
 
 
-def sweep_sigmas(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise) -> FloatArray:
+def sweep_sigmas(sweep: SweepData, noise: Noise) -> FloatArray:
     """Standard deviation of every sweep point (n,), in its unit: as declared, else as it scatters.
 
     The scatter is taken for absolute: equal at all points, as the noise of a detector is; and for
     as large as the few points allow from which it is estimated (Student's t).
 
     Args:
-        frequency_hz: frequencies (n,), Hz.
-        amplitude_v: amplitudes (n,), V peak.
+        sweep: amplitudes, with standard errors of their own or without.
         noise: declared noise of the amplitudes.
     """
+    amplitude_v = sweep.amplitude_v
+    if sweep.sigma_v is not None:
+        return noise.with_floor(amplitude_v, sweep.sigma_v)
     if noise.declared:
         return noise.with_floor(amplitude_v, np.zeros(amplitude_v.size))
-    top = laboratory_maximum(frequency_hz, amplitude_v)
+    top = laboratory_maximum(sweep.frequency_hz, amplitude_v)
     return np.full(amplitude_v.size, top.spread * top.value_v)
 
 
-def maximum_sigma(frequency_hz: FloatArray, amplitude_v: FloatArray, noise: Noise) -> float:
+def maximum_sigma(sweep: SweepData, noise: Noise) -> float:
     """Relative error of the largest point as a maximum: noise, and the bias that its top shows.
 
     Args:
-        frequency_hz: frequencies (n,), Hz.
-        amplitude_v: amplitudes (n,), V peak.
+        sweep: amplitudes, with standard errors of their own or without.
         noise: declared noise of the amplitudes.
     """
-    top = laboratory_maximum(frequency_hz, amplitude_v)
-    if not noise.declared or math.isnan(top.bias):
+    top = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
+    if not (noise.declared or sweep.sigma_v is not None) or math.isnan(top.bias):
         return top.sigma
-    own = float(noise.with_floor(np.array([top.value_v]), np.zeros(1))[0]) / top.value_v
+    floor_v = 0.0 if sweep.sigma_v is None else sweep.sigma_v[int(np.argmax(sweep.amplitude_v))]
+    own = float(noise.with_floor(np.array([top.value_v]), np.array([floor_v]))[0]) / top.value_v
     return math.hypot(own, top.bias if top.is_biased else 0.0)
 
 

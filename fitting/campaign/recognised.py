@@ -131,9 +131,7 @@ class _Roles:
         if chosen is None or not self._give(chosen, "complex"):
             return False
         if len(complexes) > 1:
-            others = ", ".join(c.name for c in complexes if c is not chosen)
             self.guessed.add(chosen.name)
-            self.remarks.append(f"{chosen.name} is taken; there is also {others}")
         return True
 
     def parts(self) -> None:

@@ -144,6 +144,7 @@ def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:
             tuple(sorted(measured, key=lambda m: m.is_curve)),
             weigh=has_prior
             or any(n.declared or n.outliers != "keep" for n in noises)
+            or any(b.sweep is not None and b.sweep.sigma_v is not None for b in bounds)
             or any(bound.measurements for bound in bounds),  # rows of unlike noise
             outliers="huber" if all(n.outliers == "huber" for n in noises) else "keep",
             names=tuple(name for name, _ in series),

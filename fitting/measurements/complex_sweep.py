@@ -772,6 +772,7 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> ComplexCurve:
     amplitude = amplitude_of(recording, columns.amplitude) if columns.amplitude else None
     varying: list[tuple[Channel, str, str]] = []  # what is no resonance if it is one number
     radians, phase_unit = None, ""
+    taken: tuple[Channel | None, ...] = (x, y)
     if amplitude is None and x is not None and y is not None:
         _check_different(recording, frequency, x, y)
         values, unit = parts_of(recording, x, y)
@@ -800,6 +801,7 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> ComplexCurve:
                 f"{path}: no column '{what}'; wanted frequency with X and Y, Re and Im, "
                 f"amplitude and phase, or dB and phase, there is: {there}"
             )
+        taken = amplitude, phase
     written = unit_of(recording, frequency, "frequency (MHz)")
     axis = recording.numbers(frequency)
     check_axis(path, axis, written, recording.places)
@@ -808,7 +810,7 @@ def complex_of(recording: Recording, columns: ComplexColumns) -> ComplexCurve:
         values=values,
         unit=unit,
         source=str(path),
-        left_out=left_out,
+        left_out=(*left_out, *recording.unused(frequency, drive, *taken)),
     )
     for channel, what, its_unit in varying:
         column = recording.numbers(channel)

@@ -86,7 +86,7 @@ from fitting.text.arrays import (
     as_numbers,
 )
 from fitting.text.errors import BadInput, NoScale, gathered
-from fitting.text.finding import Finding, Kind, left_out
+from fitting.text.finding import Finding, Kind, left_out, of_kind
 from fitting.text.formula import Formula
 from fitting.text.notation import hertz, how_many
 from fitting.text.schema import (
@@ -903,8 +903,9 @@ class ControlSweepTable(ControlTable):
             raw = read_trace(place.file, self.layout, wanted)
             f = raw.frequency * _hertz(raw.frequency_unit, f"{place.file}: column 'frequency'")
             sizes, unit, rows = raw.amplitude, raw.amplitude_unit, raw.places
+            other = of_kind(raw.left_out, Kind.other_columns)
         else:
-            f, sizes, unit, drive = self._points(recording, place.rows)
+            f, sizes, unit, drive, other = self._points(recording, place.rows)
             rows = tuple(recording.places[i] for i in place.rows)
         amplitude = to_peak(sizes, unit, self.detector, str(place.file), rows)
         if self.lines is not None:
@@ -920,12 +921,16 @@ class ControlSweepTable(ControlTable):
             {},
             label=place.label,
             drive=1.0 if drive is None else drive[kept],
+            left_out=other,
         )
 
     def _points(
         self, recording: Recording, rows: IntArray
-    ) -> tuple[FloatArray, FloatArray, str, FloatArray | None]:
-        """Frequencies in Hz, amplitudes, their unit and the drive in rows of a table, (n,) each."""
+    ) -> tuple[FloatArray, FloatArray, str, FloatArray | None, tuple[Finding, ...]]:
+        """Frequencies in Hz, amplitudes, their unit and the drive in rows of a table, (n,) each.
+
+        And a note of columns that vary within a spectrum and are not used.
+        """
         path, places = recording.path, [recording.places[i] for i in rows]
         taken = {name.lower() for name in (*self.controls, self.drive or "")}
 
@@ -958,7 +963,8 @@ class ControlSweepTable(ControlTable):
         if drive is not None and np.any(drive <= 0.0):
             bad = places[int(np.argmax(drive <= 0.0))]
             raise BadInput(f"{path}: {bad}, column '{self.drive}': wanted more than zero")
-        return f, values, unit, drive
+        other = recording.part(rows).unused(frequency, amplitude, driven)
+        return f, values, unit, drive, other
 
     def bind_spectra(
         self,
@@ -990,7 +996,7 @@ class ControlSweepTable(ControlTable):
                     settings=settings,
                     sigma=np.hypot(sigma, self.relative * spectrum.y)[~cut],
                     drive=level[~cut],
-                    left_out=left_out,
+                    left_out=(*spectrum.left_out, *left_out),
                 )
             )
         return ControlSweep(

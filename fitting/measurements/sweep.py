@@ -543,9 +543,9 @@ def sweep_of(bound: BoundCampaign, data: SweepData, series: str = "") -> Sweep:
         series=series,
         fitted=data.use == "fit",
         scaled_by=data.scale,
-        sigmas_v=sweep_sigmas(f, a, noise),
-        known=noise.declared,
-        maximum_sigma=maximum_sigma(f, a, noise),
+        sigmas_v=sweep_sigmas(data, noise),
+        known=noise.declared or data.sigma_v is not None,
+        maximum_sigma=maximum_sigma(data, noise),
         unit=data.unit,
         background=data.background,
     )

@@ -106,14 +106,8 @@ def read_decay_of(path: Path, columns: Columns) -> DecayRecord:
     names = value_names(roles) if kind else {"values": sizes}
     reference_hz, demodulated = _reference(recording, columns)
     # columns that may have been meant as well, where nothing shows which one is
-    others: tuple[Finding, ...] = ()
-    taken = {c.name for c in roles.all}
-    if taken & {c.name for c in recording.channels if c.guessed}:
-        rest = [c for c in recording.channels if c.name not in taken and not _is_frequency(c)]
-        if rest:
-            others = (
-                note(Kind.other_columns, "", {"columns": tuple(f"'{c.name}'" for c in rest)}),
-            )
+    guessed = any(c.guessed for c in recording.channels if c.name in {t.name for t in roles.all})
+    others = recording.unused(*roles.all, option="--amplitude" if guessed else "")
     return replace(
         decay_record_of(time_s, values, unit, str(path)),
         kind=kind,

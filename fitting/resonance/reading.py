@@ -424,15 +424,19 @@ def map_in(roles: Roles) -> ControlMap | None:
     return map_of(roles.recording, frequencies, [channel.name for channel in roles.all])
 
 
-def lead(roles: Roles, sizes: str = AMPLITUDE) -> tuple[Finding, ...]:
-    """What a file is, and as what its columns were read.
+def lead(
+    roles: Roles, sizes: str = AMPLITUDE, further: Sequence[Channel] = ()
+) -> tuple[Finding, ...]:
+    """What a file is, as what its columns were read, and which vary and were not.
 
     Args:
         roles: of its columns.
         sizes: role of the column of sizes.
+        further: columns that are used besides.
     """
     names = {"frequency": roles.frequency, **value_names(roles, sizes)}
-    return read_note(roles, names), *(replace(f, severity="note") for f in roles.left_out)
+    left_out = (replace(f, severity="note") for f in roles.left_out)
+    return read_note(roles, names), *left_out, *roles.recording.unused(*roles.all, *further)
 
 
 def read_note(roles: Roles, names: Mapping[str, Channel | None]) -> Finding:

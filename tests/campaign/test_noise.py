@@ -10,6 +10,7 @@ import pytest
 
 from fitting.campaign import BoundCampaign, bind, read_campaign
 from fitting.campaign.file import WrittenNoise
+from fitting.campaign.measured import SweepData
 from fitting.campaign.noise import Noise, repeat_scatter, sweep_scale_sigma, sweep_sigmas
 from fitting.fit.interior_point import solve
 from fitting.fit.linearisation import Linearisation
@@ -249,7 +250,9 @@ def test_a_sweep_tells_its_noise_by_its_top() -> None:
     f = np.linspace(-300.0, 300.0, 241)
     clean = 1.0 / np.sqrt(1.0 + (2 * f / 94.0) ** 2)
     found = [
-        sweep_sigmas(1e6 + f, clean + 0.005 * generator.standard_normal(f.size), Noise())[0]
+        sweep_sigmas(
+            SweepData(1e6 + f, clean + 0.005 * generator.standard_normal(f.size)), Noise()
+        )[0]
         for _ in range(30)
     ]
     assert np.mean(found) == pytest.approx(0.005, rel=0.15)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from fitting.campaign import bind, read_campaign
+from fitting.campaign.measured import SweepData
 from fitting.campaign.noise import Noise, scale_parameter, sweep_scale_sigma, sweep_sigmas
 from fitting.fit.interior_point import solve
 from fitting.fit.objective import Evaluator, Objective, weights
@@ -76,7 +77,7 @@ def measured(one: Measured, scale: str, noise: float = 0.01, *, swept: bool = Fa
         scale=scale,
         fitted=swept,
         maximum_v=float(np.max(sweep.amplitude_v)),
-        sigmas_v=sweep_sigmas(sweep.frequency_hz, sweep.amplitude_v, Noise()),
+        sigmas_v=sweep_sigmas(SweepData(sweep.frequency_hz, sweep.amplitude_v), Noise()),
     )
     return dataset(peaks, noise * peaks, made, weigh=True)
 

@@ -5,6 +5,7 @@ A `Layout` reads a file as a `Recording`; a `Selection` names what is taken of i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -16,7 +17,7 @@ import numpy as np
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 from fitting.text.errors import BadInput, did_you_mean, gathered
 from fitting.text.files import read_whole
-from fitting.text.finding import Finding
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.notation import how_many
 from fitting.text.once import made_once
 from fitting.text.schema import Keys, Text
@@ -34,6 +35,13 @@ Numbers = FloatArray | ComplexArray
 
 #: Columns of a table of text: each is looked at, and more are a matrix that lies on its side.
 MOST_COLUMNS = 10_000
+#: Columns that a note names.
+MOST_NAMED = 12
+#: What columns of standard errors are called.
+OF_ERRORS = re.compile(
+    r"noise|sigma|σ|±|\bstd|\bst\.? ?dev|standard (deviation|error)|stderr|\berrors?\b|\berr\b"
+    r"|uncertainty|\bs[de]\b"
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +62,16 @@ class Channel:
     role: str = ""
     guessed: bool = False
     lenient: Callable[[], Numbers] | None = None
+
+    @property
+    def varies(self) -> bool:
+        """Whether it holds numbers that differ."""
+        try:
+            values = (self.lenient or self.read)()
+        except BadInput:  # a column of text
+            return False
+        values = values[np.isfinite(values)]
+        return bool(np.any(values != values[:1]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,6 +183,26 @@ class Recording:
             (place, value), *more = bad
             raise not_numbers(f"{self.path}: {place}, column '{channel.name}'", value, more)
         return values
+
+    def unused(self, *taken: Channel | None, option: str = "") -> tuple[Finding, ...]:
+        """A note that names columns that vary and are not taken; none where there are none.
+
+        Args:
+            *taken: the others, None of it none.
+            option: of a command that takes another column; empty: there is none.
+        """
+        names = {channel.name for channel in taken if channel is not None}
+        rest = [c for c in self.channels if c.name not in names and c.varies]
+        if not rest:
+            return ()
+        errors = tuple(
+            c.name for c in rest if OF_ERRORS.search(c.name.lower()) and not c.is_complex
+        )
+        named = tuple(c.name for c in rest[:MOST_NAMED])
+        more = () if len(rest) <= MOST_NAMED else (how_many(len(rest) - MOST_NAMED, "other"),)
+        names_of = {"columns": (*(f"'{name}'" for name in named), *more)}
+        names_of |= {"file": (self.path.name,), "errors": errors, "option": (option,)}
+        return (note(Kind.other_columns, "", names_of),)
 
     def part(self, rows: IntArray) -> Recording:
         """Some of its points.
@@ -342,9 +380,10 @@ OWN_ESTIMATES: Mapping[str, str] = {"f_res (Hz)": "frequency_hz", "Q": "q"}
 class RawTrace:
     """A trace in the units of its file.
 
-    ``frequency``, ``amplitude`` and ``phase`` (n,) (phase may be None), each with its unit as
-    written; ``places`` states for every point where it is in the file; ``notes`` holds header
-    entries worth repeating, ``left_out`` states which rows are not here, and why.
+    ``frequency``, ``amplitude``, ``phase`` and ``sigma``, standard errors of the amplitudes, (n,)
+    (the last two may be None), each with its unit as written; ``places`` states for every point
+    where it is in the file; ``notes`` holds header entries worth repeating, ``left_out`` states
+    which rows and columns are not here.
     """
 
     path: Path
@@ -355,6 +394,8 @@ class RawTrace:
     places: tuple[str, ...]
     phase: FloatArray | None = None
     phase_unit: str = ""
+    sigma: FloatArray | None = None
+    sigma_unit: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
     left_out: tuple[Finding, ...] = ()
 
@@ -372,6 +413,14 @@ class Columns(Keys):
 
 
 @dataclass(frozen=True, kw_only=True)
+class SweepColumns(Columns):
+    """Names of a sweep's columns where they are not the usual ones (empty)."""
+
+    sigma: Text = ""
+    """Column of standard errors of the amplitudes, which weigh the points; without it none."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ComplexColumns(Columns):
     """Names of a complex trace's columns where they are not the usual ones (empty)."""
 
@@ -386,7 +435,7 @@ class ComplexColumns(Columns):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Selection(ComplexColumns):
+class Selection(ComplexColumns, SweepColumns):
     """What to take from a file that holds more: column names, trace number, chunk.
 
     Empty names mean the usual ones, and a name may state the unit that the file does not, as
@@ -418,7 +467,8 @@ class Selection(ComplexColumns):
     def values(self) -> tuple[str, ...]:
         """Names of all other columns that are stated."""
         nearby = self.frequency if self.time else ""
-        given = (self.amplitude, self.phase, self.x, self.y, nearby, self.drive, *self.further)
+        parts = (self.x, self.y, nearby, self.drive, self.sigma)
+        given = (self.amplitude, self.phase, *parts, *self.further)
         return tuple(name for name in given if name)
 
 

@@ -193,10 +193,13 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
     x, y = requested_column(recording, selection.x, X), requested_column(recording, selection.y, Y)
     values: ComplexArray | None = None
     phase, phase_unit = None, ""
+    errors = recording.column(selection.sigma) if selection.sigma else None
+    column: Channel | None = None
     if selection.x or (amplitude is None and x is not None and y is not None):
         recording.check(c for c in (frequency, x, y) if c is not None)
         values, unit = parts_of(recording, x, y)
     else:
+        x = y = None
         amplitude = amplitude or recording.column(AMPLITUDE[0])
         recording.check((frequency, amplitude))
         if amplitude.is_complex:
@@ -218,9 +221,11 @@ def trace_of(recording: Recording, selection: Selection) -> RawTrace:
         amplitude_unit=unit,
         phase=phase,
         phase_unit=phase_unit,
+        sigma=None if errors is None else recording.numbers(errors),
+        sigma_unit=(errors.unit if errors is not None else None) or unit,
         places=recording.places,
         notes=recording.notes,
-        left_out=omitted,
+        left_out=(*omitted, *recording.unused(frequency, amplitude, column, x, y, errors)),
     )
 
 

@@ -478,12 +478,18 @@ def check_lines(solved: Solved) -> Iterator[Finding]:
     for line in () if solved.problem.is_joint else sweeps.lines.values():
         yield from line_findings(line, fitted=fitted)
     yield from sweeps.faults
+    given: list[tuple[str, Sequence[Finding]]] = []
     for name, bound in solved.problem.campaigns.items():
-        for finding in () if bound.sweep is None else bound.sweep.left_out:
-            yield replace(finding, subject=name)
-    for measurement in measurements:
-        for finding in measurement.left_out:
-            yield replace(finding, subject=measurement.series)
+        given += [(name, e.spectrum.left_out) for e in bound.experiments if e.spectrum is not None]
+        given += [(name, bound.sweep.left_out)] if bound.sweep is not None else []
+    given += [(m.series, m.left_out) for m in measurements]
+    listed = set()  # spectra of one instrument have the same columns
+    for name, findings in given:
+        for finding in findings:
+            columns = name, finding.names.get("columns")
+            if finding.kind is not Kind.other_columns or columns not in listed:
+                yield replace(finding, subject=name)
+            listed.add(columns)
 
 
 def check_agreement(solved: Solved) -> Iterator[Finding]:
