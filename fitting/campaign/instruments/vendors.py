@@ -1,7 +1,7 @@
 """Text that vendors write otherwise than as plain columns: a reader and a sign of each.
 
-To add a vendor, write a reader that finds the rows of its table and names the columns (`of_rows`,
-or `parse_table` for rows below a head), and an entry in `LAYOUTS`, with what its files begin with.
+To add a vendor, write a reader that finds the rows of its table and names the columns (`of_rows`),
+and an entry in `LAYOUTS`, with what its files begin with.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting.campaign.instruments.loose_tables import UNITS, cells_of, is_number
+from fitting.campaign.instruments.loose_tables import UNITS, is_number
 from fitting.campaign.instruments.recording import (
     Channel,
     Head,
@@ -24,27 +24,35 @@ from fitting.campaign.instruments.recording import (
     channel_of,
     of_rows,
     of_table,
-    unit_of,
 )
 from fitting.campaign.instruments.roles import TIME, usual
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput, SeveralSweeps
 from fitting.text.notation import how_many
-from fitting.text.tables import (
-    parse_number,
-    parse_numbers,
-    parse_table,
-    read_text,
-    split_line,
-)
+from fitting.text.tables import parse_number, parse_numbers, parse_table, read_text, split_line
 
 #: Columns in a complaint.
 MOST_NAMES = 8
+#: Rows among which the names of columns are.
+HEAD_ROWS = 1000
+#: A row of a file: its number, from one, and its cells.
+Row = tuple[int, tuple[str, ...]]
 
 
-def _numbered(path: Path) -> list[tuple[int, str]]:
-    """The lines of a file with their numbers."""
-    return list(enumerate(read_text(path).splitlines(), start=1))
+def _rows_of(path: Path, delimiter: str) -> list[Row]:
+    """The rows of a file that are not blank."""
+    numbered = enumerate(read_text(path).splitlines(), start=1)
+    return [(n, split_line(text, delimiter)) for n, text in numbered if text.strip()]
+
+
+def _settings(rows: Sequence[Row]) -> dict[str, tuple[str, ...]]:
+    """What rows state behind a name, by it in small letters."""
+    return {cells[0].rstrip(":").lower(): cells[1:] for _, cells in rows if cells[0]}
+
+
+def _setting(rows: Sequence[Row], name: str, default: str = "") -> str:
+    """The first value behind a name."""
+    return (*_settings(rows).get(name, ()), "")[0] or default
 
 
 def _unit(text: str) -> str | None:
@@ -52,15 +60,23 @@ def _unit(text: str) -> str | None:
     return UNITS.get(text.lower(), text) or None
 
 
-def _chosen(path: Path, result: Sequence[int], selection: Selection, what: str, hint: str) -> int:
+def _chosen(path: Path, result: Sequence[int], selection: Selection, what: str) -> int:
     """The place of the trace that is selected, of those that were found."""
     if not 0 < selection.trace <= len(result):
-        kind = what.split()[0]
+        kind, _, further = what.partition(" ")
         raise BadInput(
-            f"{path}: {how_many(len(result), kind)}{what[len(kind) :]}, wanted {kind} "
-            f"{selection.trace}{hint}"
+            f"{path}: {how_many(len(result), kind)} {further}, wanted {kind} {selection.trace}"
         )
     return result[selection.trace - 1]
+
+
+def _names_at(path: Path, rows: Sequence[Row], first: str, maker: str) -> int:
+    """The place of the row of names, by the first of them."""
+    heads = (k for k, (_, cells) in enumerate(rows[:HEAD_ROWS]) if cells[0].lower() == first)
+    at = next((k for k in heads if len(rows[k][1]) > 1), None)
+    if at is None:
+        raise BadInput(f"{path}: no row '{first},...' of names; wanted the text file of {maker}")
+    return at
 
 
 def _read_nanonis(path: Path, _: Selection) -> Recording:
@@ -69,32 +85,33 @@ def _read_nanonis(path: Path, _: Selection) -> Recording:
     The frequency is the sum of the columns "Center Frequency" and "Frequency Shift" where the
     controller writes these.
     """
-    lines = _numbered(path)
+    lines = list(enumerate(read_text(path).splitlines(), start=1))
     begin = next((i for i, (_, text) in enumerate(lines) if text.strip() == "[DATA]"), None)
     if begin is None:
         raise BadInput(f"{path}: no line '[DATA]'; wanted the controller's frequency sweep file")
-    table = parse_table(path, lines[begin + 1 :])
     head = [text.split("\t") for _, text in lines[:begin]]
     notes = {cells[0]: cells[1].strip() for cells in head if len(cells) > 1 and cells[1].strip()}
-    made = of_table(table, f"Nanonis, {notes.get('Experiment', 'experiment not stated')}", notes)
+    experiment = notes.get("Experiment", "experiment not stated")
+    made = of_table(parse_table(path, lines[begin + 1 :]), f"Nanonis, {experiment}", notes)
     if made.find("Frequency") is not None or usual(made, TIME) is not None:
         return made
-    names = [c.name for c in table.columns]
-    if not any(name.lower().startswith("center freq") for name in names):
+    parts = [made.find(name) for name in ("Center Frequency", "Frequency Shift")]
+    known = [channel for channel in parts if channel is not None]
+    if len(known) < len(parts):
+        names = [c.name for c in made.channels]
         there = ", ".join(names[:MOST_NAMES]) + (", ..." if len(names) > MOST_NAMES else "")
         raise BadInput(
-            f"{path}: is a Nanonis file of the experiment '{notes.get('Experiment', 'not stated')}'"
-            ", not a sweep of the frequency; wanted columns 'Frequency', or 'Center Frequency' and "
-            f"'Frequency Shift', or 'Time' of a recording, there is: {there}"
+            f"{path}: is a Nanonis file of the experiment '{experiment}', not a sweep of the "
+            "frequency; wanted columns 'Frequency', or 'Center Frequency' and 'Frequency Shift', "
+            f"or 'Time' of a recording, there is: {there}"
         )
-    shift, center = table.column("Frequency Shift"), table.column("Center Frequency")
-    unit = unit_of(table, shift, "Frequency Shift (Hz)")
-    if unit_of(table, center, "Center Frequency (Hz)") != unit:
+    center, shift = known
+    if center.unit != shift.unit:
         raise BadInput(
-            f"{path}: 'Frequency Shift' is in {unit} and 'Center Frequency' in {center.unit}; "
-            "wanted the same unit, because they are added"
+            f"{path}: 'Frequency Shift' is in {shift.unit} and 'Center Frequency' in "
+            f"{center.unit}; wanted the same unit, because they are added"
         )
-    added = channel_of("Frequency", unit, table.numbers(shift) + table.numbers(center))
+    added = channel_of("Frequency", shift.unit, made.numbers(shift) + made.numbers(center))
     words = f"{made.words}, Frequency = Center Frequency + Frequency Shift"
     return replace(made, channels=(added, *made.channels), words=words)
 
@@ -105,28 +122,27 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
     Layout after "ASCII File Export Format" in the user manuals of R&S FSV, FSW and FPL. The second
     level that the AUTOPEAK detector adds is the smaller one and is left out.
     """
-    lines = [split_line(t, ";") if t.strip() else ("",) for _, t in _numbered(path)]
-    keys = [cells[0].rstrip(":").lower() for cells in lines]
-    hint = "; is it the ASCII trace export of a Rohde & Schwarz analyser?"
-    result = [i for i, key in enumerate(keys) if key == "values"]
-    start = _chosen(path, result, selection, "trace ('Values;<number>' lines)", hint)
-    header = {key: cells[1:] for key, cells in zip(keys[: start + 1], lines, strict=False)}
-    where = f"{path}: row {start + 1}, 'Values'"
-    count, below = int(parse_number((*lines[start], "")[1], where)), len(lines) - start - 1
-    if not 0 <= count <= below:
+    rows = _rows_of(path, ";")
+    starts = [k for k, (_, cells) in enumerate(rows) if cells[0].rstrip(":").lower() == "values"]
+    start = _chosen(path, starts, selection, "trace ('Values;<number>' lines)")
+    above, below = rows[:start], rows[start + 1 :]
+    where = f"{path}: row {rows[start][0]}, 'Values'"
+    count = int(parse_number((*rows[start][1], "")[1], where))
+    if not 0 <= count <= len(below):
         raise BadInput(
-            f"{where}: {how_many(count, 'point')} announced, {how_many(below, 'line')} below"
+            f"{where}: {how_many(count, 'point')} announced, {how_many(len(below), 'line')} below"
         )
-    rows = list(enumerate(lines, start=1))[start + 1 : start + 1 + count]
-    for key in ("x-unit", "y-unit"):
-        if not header.get(key, ("",))[0]:
+    columns = []
+    for at, (key, name) in enumerate((("x-unit", "Frequency"), ("y-unit", "Level"))):
+        unit = _setting(above, key)
+        if not unit:
             raise BadInput(f"{path}: no '{key}' line before the values; wanted as in 'x-Unit;Hz;'")
-    over, unit = header["x-unit"][0], header["y-unit"][0]
-    worth: tuple[str, ...] = ("type", "rbw", "detector")
-    notes = {key: " ".join(header[key]).strip() for key in worth if key in header}
+        columns.append(("Time" if unit == "s" else name, unit, at))
+    settings = _settings(above)
+    worth = (key for key in ("type", "rbw", "detector") if key in settings)
+    notes = {key: " ".join(settings[key]).strip() for key in worth}
     words = ", ".join(("Rohde & Schwarz, ASCII trace", *notes.values()))
-    columns = [("Time" if over == "s" else "Frequency", over, 0), ("Level", unit, 1)]
-    return of_rows(path, columns, rows, words, notes, decimal_comma=True)
+    return of_rows(path, columns, below[:count], words, notes, decimal_comma=True)
 
 
 _LABVIEW, _END_OF_HEADER = "LabVIEW Measurement", "***End_of_Header***"
@@ -139,27 +155,26 @@ def _read_labview(path: Path, _: Selection) -> Recording:
 
     Source: NI, "Specification for the LabVIEW Measurement File (.lvm)".
     """
-    lines = _numbered(path)
-    ends = [k for k, (_, text) in enumerate(lines) if text.startswith(_END_OF_HEADER)]
-    separator = "," if any(text.startswith("Separator,") for _, text in lines) else "\t"
-    cells = [(n, split_line(text, separator)) for n, text in lines]
-    if not ends or len(cells) < ends[-1] + 3:
+    rows = _rows_of(path, "\t")
+    if any(cells[0].startswith("Separator,") for _, cells in rows):
+        rows = _rows_of(path, ",")
+    ends = [k for k, (_, cells) in enumerate(rows) if cells[0].startswith(_END_OF_HEADER)]
+    if not ends or len(rows) < ends[-1] + 3:
         raise BadInput(f"{path}: no columns below '{_END_OF_HEADER}'; wanted a .lvm file with data")
-    head = {row[0]: [c.strip() for c in row[1:]] for _, row in cells[: ends[-1]] if row[0]}
-    if head.get("X_Columns", ["One"])[0] != "One":
+    above, (_, names), *below = rows[: ends[-1]], *rows[ends[-1] + 1 :]
+    times = _setting(above, "x_columns", "One")
+    if times != "One":
         raise BadInput(
-            f"{path}: X_Columns: found '{head['X_Columns'][0]}', wanted 'One', the times of all "
-            "channels in the first column"
+            f"{path}: X_Columns: found '{times}', wanted 'One', the times of all channels in the "
+            "first column"
         )
-    names = [c.strip() for c in cells[ends[-1] + 1][1] if c.strip() and c.strip() != "Comment"]
-    units = [_unit(c) for c in head.get("Y_Unit_Label", [])]
-    axis = head.get("X_Dimension", ["Time"])[0]
-    x_unit = _unit(head.get("X_Unit_Label", [""])[0]) or {"Time": "s", "Frequency": "Hz"}.get(axis)
-    named = zip([axis, *names[1:]], [x_unit, *units, *[None] * len(names)], strict=False)
-    columns = [(name, unit, at) for at, (name, unit) in enumerate(named)]
-    rows = [(n, row) for n, row in cells[ends[-1] + 2 :] if any(c.strip() for c in row)]
-    comma = head.get("Decimal_Separator", ["."])[0] == ","
-    return of_rows(path, columns, rows, "LabVIEW measurement file", decimal_comma=comma)
+    axis = _setting(above, "x_dimension", "Time")
+    unit = _unit(_setting(above, "x_unit_label")) or {"Time": "s", "Frequency": "Hz"}.get(axis)
+    units = [unit, *map(_unit, _settings(above).get("y_unit_label", ())), *[None] * len(names)]
+    kept = [name for name in names if name and name != "Comment"]
+    columns = [(name, units[k], k) for k, name in enumerate((axis, *kept[1:]))]
+    comma = _setting(above, "decimal_separator") == ","
+    return of_rows(path, columns, below, "LabVIEW measurement file", decimal_comma=comma)
 
 
 #: Kinds of Keysight's columns, real and imaginary part and units, by what stands in brackets.
@@ -179,70 +194,57 @@ _NAMED = re.compile(r"(?P<name>[^(]*?)\s*\((?P<kind>.*)\)")
 def _read_keysight(path: Path, selection: Selection) -> Recording:
     """Network analysers (PNA, ENA, FieldFox): a block ``BEGIN`` ... ``END`` of the file.
 
-    Real and imaginary part are one column.
+    Real and imaginary part are one column. Names are "S11(REAL)", "S21 Log Mag(dB)", "Freq(Hz)".
     """
-    lines = _numbered(path)
-    starts = [i for i, (_, line) in enumerate(lines) if _BEGIN.fullmatch(line)]
-    hint = "; is it the CSV of a Keysight network analyser?"
-    begin = _chosen(path, starts, selection, "block ('BEGIN' lines)", hint)
-    below = lines[begin + 1 :]
-    ends = (i for i, (_, line) in enumerate(below) if line.strip().upper().startswith("END"))
-    body = below[: next(ends, len(below))]
-    body = [(n, line) for n, line in body if line.strip() and not line.startswith("!")]
+    lines = read_text(path).splitlines()
+    starts = [k for k, line in enumerate(lines) if _BEGIN.fullmatch(line)]
+    begin = _chosen(path, starts, selection, "block ('BEGIN' lines)")
+    body = [(n, t) for n, t in enumerate(lines, start=1) if t.strip() and not t.startswith("!")]
+    body = [(n, text) for n, text in body if n > begin + 1]
+    ends = (k for k, (_, text) in enumerate(body) if text.strip().upper().startswith("END"))
+    body = body[: next(ends, len(body))]
     if len(body) < 2:
         raise BadInput(f"{path}: row {begin + 1}: no rows of numbers below 'BEGIN'")
     delimiter = next((d for d in ";\t" if d in body[0][1]), ",")
-    rows = [(n, split_line(text, delimiter)) for n, text in body]
-    names = rows[0][1]
-    if all(is_number(cell) for cell in names):  # FieldFox writes them above
-        above = [_ABOVE.fullmatch(line.strip()) for _, line in lines[:begin]]
+    (_, names), *rows = [(n, split_line(text, delimiter)) for n, text in body]
+    if all(map(is_number, names)):  # FieldFox writes them above
+        rows.insert(0, (body[0][0], names))
+        above = [_ABOVE.fullmatch(line.strip()) for line in lines[:begin]]
         given = {m["key"].upper(): m["value"].strip() for m in above if m is not None}
-        if "DATA" not in given:
+        first, *others = split_line(given.get("DATA", ""), ",")
+        if not first:
             raise BadInput(
                 f"{path}: row {begin + 1}: wanted the names of the columns below 'BEGIN'"
             )
-        first, *others = split_line(given["DATA"], ",")
         unit = given.get("DATA UNIT", "")
         names = (f"{first}({given.get('FREQ UNIT', '')})", *(f"{name}({unit})" for name in others))
-    else:
-        rows = rows[1:]
     for n, row in rows:
         if len(row) != len(names):
             raise BadInput(
                 f"{path}: row {n} has {how_many(len(row), 'cell')}, the names {len(names)}"
             )
-    label = lines[begin][1].strip()[5:].strip(" ,")
+    label = lines[begin].strip()[5:].strip(" ,")
     several = f"{len(starts)} blocks, trace = {selection.trace} taken" if len(starts) > 1 else ""
     words = ", ".join(filter(None, ("Keysight network analyser CSV", label, several)))
-    notes = {"instrument": lines[1][1].lstrip("! ").strip()} if len(lines) > 1 else {}
+    notes = {"instrument": lines[1].lstrip("! ").strip()} if len(lines) > 1 else {}
     made = of_rows(path, [(name, None, i) for i, name in enumerate(names)], rows, words, notes)
-    return replace(made, channels=tuple(_joined(made)))
-
-
-def _joined(recording: Recording) -> list[Channel]:
-    """Columns with the unit that their name states; real and imaginary part as one complex one.
-
-    Names are "S11(REAL)", "S21 Log Mag(dB)", "Freq(Hz)".
-    """
     read: list[tuple[str, str | None, Channel]] = []
-    for channel in recording.channels:
-        match = _NAMED.fullmatch(channel.name.strip())
-        if match is None or not match["name"]:
-            read.append((channel.name.strip(), None, channel))
-            continue
-        kind = match["kind"].strip()
+    for channel in made.channels:
+        match = _NAMED.fullmatch(channel.name)
+        kind = match["kind"].strip() if match is not None and match["name"] else ""
         kind = UNITS.get(kind.lower(), kind) if kind.isupper() else kind  # FREQ(HZ)
-        read.append((match["name"], _KINDS.get(kind.lower(), kind), channel))
+        name = match["name"] if match is not None and kind else channel.name
+        read.append((name, _KINDS.get(kind.lower(), kind) or None, channel))
     imaginary = {name: c for name, kind, c in read if kind == "imag"}
-    made: dict[str, Channel] = {}
-    for name, unit, channel in read:
-        if unit == "real" and name in imaginary:
-            x, y = recording.numbers(channel), recording.numbers(imaginary[name])
-            made.setdefault(name, channel_of(name, "1", x + 1j * y))
-        elif unit != "imag" or name not in made:
-            own = channel.name if name in made else name
-            made.setdefault(own, Channel(name=own, unit=unit, read=channel.read))
-    return list(made.values())
+    joined: dict[str, Channel] = {}
+    for name, kind, channel in read:
+        if kind == "real" and name in imaginary:
+            x, y = made.numbers(channel), made.numbers(imaginary[name])
+            joined.setdefault(name, channel_of(name, "1", x + 1j * y))
+        elif kind != "imag" or name not in joined:
+            own = channel.name if name in joined else name
+            joined.setdefault(own, replace(channel, name=own, unit=kind))
+    return replace(made, channels=tuple(joined.values()))
 
 
 #: What LabOne writes its quantities in; it does not say so in the file.
@@ -265,36 +267,42 @@ def _read_zurich(path: Path, selection: Selection) -> Recording:
     point; newer exports give a column per quantity. Units are LabOne's own: Hz, V (rms of the
     demodulator's R), rad.
     """
-    lines = _numbered(path)
-    head = next((text for _, text in lines if text.strip()), "")
-    names = [name.lower() for name in split_line(head, ";" if ";" in head else ",")]
+    lines = read_text(path).splitlines()
+    first = next((text for text in lines if text.strip()), "")
+    rows = _rows_of(path, ";" if ";" in first else ",")
+    names = [name.lower() for name in rows[0][1]] if rows else []
     if "fieldname" not in names:
-        table = parse_table(path, lines)
-        rows = list(zip(table.cells, table.lines, strict=True))
+        table = parse_table(path, enumerate(lines, start=1))
+        rows = list(zip(table.lines, table.cells, strict=True))
         column = table.find("chunk")
         if column is not None:
             wanted = _one_chunk(path, table.texts(column), selection.chunk)
-            rows = [row for row in rows if row[0][column.index] == wanted]
+            rows = [row for row in rows if row[1][column.index] == wanted]
         columns = [(c.name, c.unit or _LABONE.get(c.name.lower()), c.index) for c in table.columns]
-        return of_rows(path, columns, [(n, cells) for cells, n in rows], _LABONE_WORDS)
+        return of_rows(path, columns, rows, _LABONE_WORDS)
     if "chunk" not in names:
         raise BadInput(f"{path}: no column 'chunk'; wanted one next to 'fieldname'")
     at_chunk, at_field = names.index("chunk"), names.index("fieldname")
-    body = [(n, split_line(text, ";" if ";" in text else ",")) for n, text in lines if text.strip()]
-    body = body[1:]
-    for n, cells in body:
+    for n, cells in rows[1:]:
         if len(cells) <= max(at_chunk, at_field + 1):
             raise BadInput(f"{path}: row {n} holds no values behind its field name")
-    chunk = _one_chunk(path, [cells[at_chunk] for _, cells in body], selection.chunk)
-    fields = {c[at_field].lower(): (n, c[at_field + 1 :]) for n, c in body if c[at_chunk] == chunk}
+    chunk = _one_chunk(path, [cells[at_chunk] for _, cells in rows[1:]], selection.chunk)
+    mine = [(n, cells) for n, cells in rows[1:] if cells[at_chunk] == chunk]
+    fields = {cells[at_field].lower(): (n, cells[at_field + 1 :]) for n, cells in mine}
     if "frequency" not in fields:
         raise BadInput(f"{path}: no field 'frequency'; there is: {', '.join(fields)}")
+
+    def measured(cells: Sequence[str]) -> int:
+        """Number of cells before those that fill up a row."""
+        numbers = (j for j, cell in enumerate(cells, start=1) if cell.lower() not in ("", "nan"))
+        return max(numbers, default=0)
+
     at, frequencies = fields["frequency"]
-    size = _without_padding(frequencies)
+    size = measured(frequencies)
 
     def values(name: str) -> FloatArray:
         row, cells = fields[name]
-        there = max(_without_padding(cells), min(size, len(cells)))
+        there = max(measured(cells), min(size, len(cells)))
         if there != size:
             raise BadInput(
                 f"{path}: row {row}, field '{name}': {how_many(there, 'value')}, wanted {size}"
@@ -314,12 +322,6 @@ def _read_zurich(path: Path, selection: Selection) -> Recording:
     )
 
 
-def _without_padding(cells: Sequence[str]) -> int:
-    """Number of cells before those that fill up a row."""
-    numbers = [j for j, cell in enumerate(cells, start=1) if cell.lower() not in ("", "nan")]
-    return max(numbers, default=0)
-
-
 def _one_chunk(path: Path, chunks: Sequence[str], wanted: int | None) -> str:
     present = list(dict.fromkeys(chunks))
     if not present:
@@ -335,8 +337,7 @@ def _one_chunk(path: Path, chunks: Sequence[str], wanted: int | None) -> str:
     )
 
 
-#: LeCroy's first word, and lines among which its head of columns stands, below the segments'.
-_LECROY, _LINES_ABOVE = "LECROY", 4
+_LECROY = "LECROY"
 
 
 def _read_lecroy(path: Path, selection: Selection) -> Recording:
@@ -346,9 +347,8 @@ def _read_lecroy(path: Path, selection: Selection) -> Recording:
     unit of its amplitudes: they are volts, unless a probe or a function of the oscilloscope made
     something else of them.
     """
-    numbered = [(n, t) for n, t in _numbered(path) if t.strip()]
-    cells = [split_line(text, ",") for _, text in numbered]
-    row = cells[1] if len(cells) > 1 else ()
+    rows = _rows_of(path, ",")
+    row = rows[1][1] if len(rows) > 1 else ()
     try:
         segments, size = int(row[1]), int(row[3])
     except (IndexError, ValueError):
@@ -356,22 +356,17 @@ def _read_lecroy(path: Path, selection: Selection) -> Recording:
             f"{path}: row 2: found {','.join(row)!r}, wanted the segments of a LeCroy "
             "oscilloscope, as Segments,1,SegmentSize,1002"
         ) from None
-    end = _LINES_ABOVE + segments + 1
-    at = next((i for i, row in enumerate(cells[:end]) if row[0] == "Time" and i), None)
-    if at is None:
-        raise BadInput(f"{path}: no row 'Time,Ampl'; wanted the text file of a LeCroy oscilloscope")
-    begin = at + 1 + size * _chosen(path, range(segments), selection, "segment", "")
-    rows = numbered[begin : begin + size] if segments > 1 else numbered[at + 1 :]
-    names = [f"{name} (V)" for name in cells[at][1:] if name]
-    table = parse_table(path, [(numbered[at][0], ",".join(["Time (s)", *names])), *rows])
-    model = cells[0][0].removeprefix(_LECROY).strip()
+    at = _names_at(path, rows, "time", "a LeCroy oscilloscope")
+    begin = at + 1 + size * _chosen(path, range(segments), selection, "segment of the file")
+    end = begin + size if segments > 1 else len(rows)
+    columns = [(name, "V" if k else "s", k) for k, name in enumerate(rows[at][1]) if name]
+    model = rows[0][1][0].removeprefix(_LECROY).strip()
     taken = f", trace = {selection.trace} taken" if segments > 1 else ""
     words = f"LeCroy oscilloscope {model}, {how_many(segments, 'segment')}{taken}, "
-    return of_table(table, words + "V taken as the unit, which the file does not state")
+    words += "V taken as the unit, which the file does not state"
+    return of_rows(path, columns, rows[begin:end], words)
 
 
-#: Lines among which the head of Siglent's columns stands, and a channel's unit in its settings.
-_HEAD_LINES = 40
 _CHANNEL_UNIT = re.compile(r"(?P<channel>\w+)\s*:\s*(?P<unit>[^\s,:]+)")
 
 
@@ -380,34 +375,20 @@ def _read_siglent(path: Path, _: Selection) -> Recording:
 
     Older ones write "Second,Volt" and no units; some begin with the line of the channels.
     """
-    lines = [text.strip().rstrip(",") for _, text in _numbered(path)]
-    at = _siglent_head(lines)
-    if at < 0:
-        raise BadInput(
-            f"{path}: no row 'Second,Value'; wanted the CSV of a Siglent oscilloscope, seconds and "
-            "a value of each channel"
-        )
-    above = [cells_of(text, ",") for text in lines[:at]]
-    settings = {cells[0].lower(): ",".join(cells[1:]) for cells in above if cells}
-    kinds = cells_of(lines[at], ",")[1:]
-    names = [name for name in settings.get("source", "").split(",") if name]
-    units = settings.get("vertical units", "")
-    given = {m["channel"]: m["unit"] for m in _CHANNEL_UNIT.finditer(units)}
-    columns = ["Time (s)"]
-    for k, kind in enumerate(kinds):
-        name = names[k] if len(names) == len(kinds) else f"CH{k + 1}"
-        unit = given.get(name, "") or UNITS.get(kind.lower(), "")
-        columns.append(f"{name} ({unit})" if unit else name)
-    rows = list(enumerate(lines[at + 1 :], start=at + 2))
-    table = parse_table(path, [(at + 1, ",".join(columns)), *rows])
-    return of_table(table, f"Siglent oscilloscope {settings.get('model number', '')}".strip())
-
-
-def _siglent_head(lines: Sequence[str]) -> int:
-    """Where the head of the columns stands; -1: nowhere."""
-    heads = (cells_of(text, ",") for text in lines[:_HEAD_LINES])
-    result = (i for i, cells in enumerate(heads) if len(cells) > 1 and cells[0].lower() == "second")
-    return next(result, -1)
+    rows = _rows_of(path, ",")
+    at = _names_at(path, rows, "second", "a Siglent oscilloscope, seconds and values")
+    kinds = [kind for kind in rows[at][1][1:] if kind]
+    settings = _settings(rows[:at])
+    names = [name for name in settings.get("source", ()) if name]
+    if len(names) != len(kinds):
+        names = [f"CH{k + 1}" for k in range(len(kinds))]
+    units = map(_CHANNEL_UNIT.fullmatch, settings.get("vertical units", ()))
+    given = {match["channel"]: match["unit"] for match in units if match is not None}
+    pairs = zip(names, kinds, strict=True)
+    channels = ((name, given.get(name) or UNITS.get(kind.lower())) for name, kind in pairs)
+    columns = [("Time", "s", 0), *((*channel, k) for k, channel in enumerate(channels, start=1))]
+    model = _setting(rows[:at], "model number")
+    return of_rows(path, columns, rows[at + 1 :], f"Siglent oscilloscope {model}".strip())
 
 
 def _read_oscilloscope(path: Path, _: Selection) -> Recording:
@@ -417,22 +398,20 @@ def _read_oscilloscope(path: Path, _: Selection) -> Recording:
     ``Sequence,Volt,Volt,-6e-5,2e-8``, then numbered rows. Those that write them above (Keysight,
     PicoScope) are plain columns.
     """
-    lines = _numbered(path)
-    rows = [(n, split_line(t, ",")) for n, t in lines if t.strip()]
-    if not _is_rigol([text for _, text in lines[:2]]):
-        settings = {cells[0]: cells[1] for _, cells in rows if len(cells) > 1 and cells[0]}
+    rows = _rows_of(path, ",")
+    if not _is_rigol([cells for _, cells in rows[:2]]):
         for n, cells in rows:
             if len(cells) < 5:
                 raise BadInput(
                     f"{path}: row {n} has {how_many(len(cells), 'cell')}, wanted 5 of a Tektronix "
                     "file"
                 )
-        over, source = _unit(settings.get("Horizontal Units", "s")), settings.get("Source")
+        over = _unit(_setting(rows, "horizontal units", "s"))
+        source = _setting(rows, "source", "channel")
         axis = "Frequency" if over == "Hz" else "Time", over, 3
-        values = source or "channel", _unit(settings.get("Vertical Units", "")), 4
-        return of_rows(path, [axis, values], rows, f"Tektronix oscilloscope, {values[0]}", settings)
-    names, units = (split_line(text, ",") for _, text in lines[:2])
-    rows = [row for row in rows if row[0] > 2]
+        values = source, _unit(_setting(rows, "vertical units")), 4
+        return of_rows(path, [axis, values], rows, f"Tektronix oscilloscope, {source}")
+    (_, names), (_, units), *rows = rows
     places = [name.lower() for name in names]
     start, step = (
         parse_number(units[places.index(key)], f"{path}: row 2, '{key}'")
@@ -445,18 +424,21 @@ def _read_oscilloscope(path: Path, _: Selection) -> Recording:
     return replace(made, channels=(time, *made.channels))
 
 
-def _is_rigol(lines: Sequence[str]) -> bool:
-    if len(lines) < 2:
-        return False
-    names = [cell.lower() for cell in split_line(lines[0], ",")]
-    nearby = len(split_line(lines[1], ",")) >= len([n for n in names if n])
-    return names[:1] == ["x"] and {"start", "increment"} <= set(names) and nearby
+def _is_rigol(rows: Sequence[Sequence[str]]) -> bool:
+    names = [cell.lower() for cell in rows[0]] if len(rows) > 1 else []
+    nearby = names and len(rows[1]) >= len([name for name in names if name])
+    return bool(nearby) and names[0] == "x" and {"start", "increment"} <= set(names)
 
 
 def _of_oscilloscope(head: Head) -> bool:
-    first = head.first_line
-    named = first.lower().startswith(("record length,", '"record length",'))
-    return (named and len(split_line(first, ",")) >= 5) or _is_rigol(head.lines)
+    cells = split_line(head.first_line, ",")
+    named = cells[0].lower() == "record length" and len(cells) >= 5
+    return named or _is_rigol([split_line(line, ",") for line in head.lines[:2]])
+
+
+def _of_siglent(head: Head) -> bool:
+    begins = head.first_line.lower().startswith(("record length,", "source,ch"))
+    return begins and any(line.lower().startswith("second,") for line in head.lines[1:HEAD_ROWS])
 
 
 def _of_zurich(head: Head) -> bool:
@@ -469,33 +451,23 @@ def _of_keysight(head: Head) -> bool:
     return begins and head.first_line.upper().startswith(("!", "BEGIN"))
 
 
+def _of_lecroy(head: Head) -> bool:
+    begins = head.first_line.startswith(_LECROY)
+    return begins and "".join(head.lines[1:2]).startswith("Segments")
+
+
+def _of_rohde_schwarz(head: Head) -> bool:
+    return any(line.lower().startswith(("values;", "values:;")) for line in head.lines)
+
+
 #: Name in a campaign, reader, and what the beginning of a file of this layout looks like.
 LAYOUTS = (
     Layout("afm", _read_nanonis, lambda head: "[DATA]" in map(str.strip, head.lines)),
     Layout("keysight", _read_keysight, _of_keysight, keys=("trace",)),
     Layout("labview", _read_labview, lambda head: head.first_line.startswith(_LABVIEW)),
-    Layout(
-        "lecroy",
-        _read_lecroy,
-        lambda head: (
-            head.first_line.startswith(_LECROY) and "".join(head.lines[1:2]).startswith("Segments")
-        ),
-        keys=("trace",),
-    ),
+    Layout("lecroy", _read_lecroy, _of_lecroy, keys=("trace",)),
     Layout("oscilloscope", _read_oscilloscope, _of_oscilloscope),
-    Layout(
-        "rohde-schwarz",
-        _read_rohde_schwarz,
-        lambda head: any(x.lower().startswith(("values;", "values:;")) for x in head.lines),
-        keys=("trace",),
-    ),
-    Layout(
-        "siglent",
-        _read_siglent,
-        lambda head: (
-            head.first_line.lower().startswith(("record length,", "source,ch"))
-            and _siglent_head(head.lines) > 0
-        ),
-    ),
+    Layout("rohde-schwarz", _read_rohde_schwarz, _of_rohde_schwarz, keys=("trace",)),
+    Layout("siglent", _read_siglent, _of_siglent),
     Layout("zurich", _read_zurich, _of_zurich, keys=("chunk",)),
 )
