@@ -345,7 +345,8 @@ class WrittenSweep(WrittenTrace):
 
     elsewhere: ClassVar[Mapping[str, str]] = {
         "sigma": "; the standard deviation of its amplitudes is that of all: [noise] absolute or "
-        "relative (without them the points' scatter); set_sigma is of values in set"
+        "relative, or columns = { sigma = ... } of their standard errors (without them the points' "
+        "scatter); set_sigma is of values in set"
     }
 
     file: FileName
