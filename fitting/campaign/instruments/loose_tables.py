@@ -22,6 +22,8 @@ COMMENTS = ("#", "%", "!", "//")
 ENDS = ("end", "[end]", "end of data", "[/data]")
 #: Rows of numbers one after another that are a table and not a preamble.
 SURE_ROWS = 3
+#: Rows of a run of which half have to be numbers.
+SAMPLE = 50
 #: Lines above a table among which its names are looked for.
 MOST_ABOVE = 500
 #: Names of axes by which a row of names is known, in small letters.
@@ -126,9 +128,8 @@ def find_table(
     result = _start(kept)
     if result is None:
         return None
-    start, delimiter = result
-    rows, lines = _rows(path, kept[start:], delimiter)
-    count = len(rows[0])
+    start, delimiter, count = result
+    rows, lines = _rows(path, kept[start:], delimiter, count)
     above = [(n, t) for n, t in whole[: lines[0] - 1] if t.strip()]
     if header_row is not None:
         above = [(n, t) for n, t in above if n >= header_row]
@@ -157,66 +158,58 @@ def words_of(delimiter: str, head: int) -> str:
     return f"columns of text, {between} between them, {named}"
 
 
-def _start(kept: Sequence[tuple[int, str]]) -> tuple[int, str] | None:
-    """Where the longest run of rows of numbers begins, and what is between their cells.
+def _start(kept: Sequence[tuple[int, str]]) -> tuple[int, str, int] | None:
+    """Where the longest run of rows of numbers begins, what is between their cells, how many.
 
-    A run that something interrupts is one: it begins where the first rows like it do.
+    Cells that are no numbers interrupt no run, as long as one of their row begins like a number;
+    after anything else it is one that goes on, and begins where the first rows like it do.
     """
-    starts: dict[tuple[int, str], int] = {}  # of the first rows with so many cells, by delimiter
-    longest, kind = 0, (0, "")
+    starts: dict[tuple[str, int], int] = {}  # of the first rows with so many cells, by delimiter
+    longest, kind = 0, ("", 0)
     i = 0
     while i < len(kept):
-        sample = [text for _, text in kept[i : i + SURE_ROWS] if text.strip().lower() not in ENDS]
-        end = i
+        end = i + 1
         for delimiter in (";", "\t", ",", BLANKS):
-            rows = [cells_of(text, delimiter) for text in sample]
-            counts = {len(row) for row in rows}
-            if len(counts) == 1 and all(_numeric(row, delimiter) for row in rows):
-                [count] = counts
-                end = i + len(rows)
-                while end < len(kept) and _goes_on(kept[end][1], delimiter, count):
-                    end += 1
-                starts.setdefault((count, delimiter), i)
-                if end - i > longest:
-                    longest, kind = end - i, (count, delimiter)
+            cells = cells_of(kept[i][1], delimiter)
+            # right below names the first row may have a cell that is no number
+            names = cells_of(kept[i - 1][1], delimiter) if i else ()
+            headed = any(map(_heads, names)) and not any(map(is_number, names))
+            headed = headed and _goes_on(kept[i][1], delimiter, len(names))
+            count = len(names) if headed else len(cells) * _numeric(cells, delimiter)
+            j = i
+            while count and j < len(kept) and _goes_on(kept[j][1], delimiter, count):
+                j += 1
+            sample = (cells_of(text, delimiter, count) for _, text in kept[i : min(j, i + SAMPLE)])
+            numeric = [_numeric(cells, delimiter) for cells in sample]
+            # few rows are a table where nothing follows them
+            ends = j == len(kept) or kept[j][1].strip().lower() in ENDS
+            sure = headed or ends or j - i >= SURE_ROWS
+            if numeric and sure and 2 * sum(numeric) >= len(numeric):
+                starts.setdefault((delimiter, count), i)
+                if j - i > longest:
+                    longest, kind = j - i, (delimiter, count)
+                end = j
                 break
-        i = max(end, i + 1)
-    return (starts[kind], kind[1]) if longest else None
+        i = end
+    return (starts[kind], *kind) if longest else None
 
 
 def _goes_on(text: str, delimiter: str, count: int) -> bool:
-    """Whether a line may be a further row of numbers: as many cells, and the first looks so."""
-    cells = cells_of(text, delimiter)
-    return len(cells) == count and any(c[:1] in _BEGINS or c.lower() in _NONE for c in cells)
+    """Whether a line may be a further row of numbers: as many cells, and one begins like it."""
+    cells = cells_of(text, delimiter, count)
+    return len(cells) == count and any(c[:1] in _BEGINS or c.lower() in _NONE for c in cells if c)
 
 
-def heads_at(text: str, delimiter: str) -> int | None:
-    """The line, from 0, of the names of a text's table among those that are no remarks.
-
-    None where there is no table, or where it has no names there.
-
-    Args:
-        text: of the file.
-        delimiter: between the cells of its first line.
-    """
-    whole = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
-    result = _start(list(enumerate(whole)))
-    if result is None or result[1] != delimiter:
-        return None
-    count = len(cells_of(whole[result[0]], delimiter))
-    above = [(n, t) for n, t in enumerate(whole[: result[0]])]
-    return _names_above(above, delimiter, count)
-
-
-def cells_of(text: str, delimiter: str) -> tuple[str, ...]:
+def cells_of(text: str, delimiter: str, count: int = 0) -> tuple[str, ...]:
     """Cells of a line, without the empty ones that a delimiter at its end makes.
 
     Args:
         text: the line.
         delimiter: between cells; a blank means any number of blanks.
+        count: of cells that a row has, empty or not.
     """
     cells = tuple(text.split()) if delimiter == BLANKS else split_line(text, delimiter)
-    while cells and not cells[-1]:
+    while len(cells) > count and not cells[-1]:
         cells = cells[:-1]
     return cells
 
@@ -247,18 +240,19 @@ def is_number(cell: str, *, decimal_comma: bool = False) -> bool:
 
 
 def _rows(
-    path: Path, kept: Sequence[tuple[int, str]], delimiter: str
+    path: Path, kept: Sequence[tuple[int, str]], delimiter: str, count: int
 ) -> tuple[list[tuple[str, ...]], list[int]]:
     rows: list[tuple[str, ...]] = []
     lines: list[int] = []
     for n, text in kept:
         if text.strip().lower() in ENDS:
             break
-        cells = cells_of(text, delimiter)
-        if rows and len(cells) != len(rows[0]):
+        cells = cells_of(text, delimiter, count)
+        if len(cells) != count:
+            comma = "; a decimal comma needs ';' or tab between cells" * (delimiter == ",")
             raise BadInput(
-                f"{path}: row {n} has {how_many(len(cells), 'cell')}, the rows above it "
-                f"{len(rows[0])}: found {shown(text)}; wanted one table of numbers in a file"
+                f"{path}: row {n} has {how_many(len(cells), 'cell')}, the rows above it {count}: "
+                f"found {shown(text)}; wanted one table of numbers in a file{comma}"
             )
         rows.append(cells)
         lines.append(n)
@@ -270,17 +264,25 @@ def _head(
 ) -> tuple[tuple[Column, ...], int]:
     """Columns by the lines above them, and the row of their names (0: there is none)."""
     above = [(n, t) for n, t in above if _axis_units(t, delimiter) is None]
+    # remarks below a row of names are none themselves
+    named = [k for k, (_, t) in enumerate(above) if not t.lstrip().startswith(COMMENTS)]
+    nearest = cells_of(above[named[-1]][1], delimiter) if named else ()
+    if len(nearest) == count and not any(map(is_number, nearest)):
+        above = above[: named[-1] + 1]
     last = _split(above[-1][1], delimiter, count) if above else None
     before = _split(above[-2][1], delimiter, count) if len(above) > 1 else None
-    if last is not None and any(is_number(c, decimal_comma=delimiter != ",") for c in last):
-        if before is not None and not any(map(is_number, before)):
+    if last is not None and not are_units(last):
+        numbers = any(is_number(c, decimal_comma=delimiter != ",") for c in last)
+        names = before is not None and not any(map(is_number, before))
+        # a row of words below one of names and units names nothing
+        if names and (numbers or (any(map(_heads, before or ())) and not any(map(_heads, last)))):
             bad = next(c for c in last if not is_number(c))
             raise BadInput(f"{path}: row {above[-1][0]}: found {shown(bad)}, wanted a number")
-        last = None
+        last = None if numbers else last
     if last is not None and are_units(last):
         return _columns(before or last, last), above[-2 if before else -1][0]
     if last is not None:
-        return _columns(last), above[-1][0]
+        return _columns(last, where=f"{path}: row {above[-1][0]}"), above[-1][0]
     at = _names_above(above, delimiter, count)
     if at is None:
         return tuple(Column(f"column {i + 1}", None, i) for i in range(count)), 0
@@ -302,10 +304,13 @@ def _given_head(
     return _columns(names, units if units is not None and are_units(units) else None), row
 
 
-def _columns(names: Sequence[str], units: Sequence[str] | None = None) -> tuple[Column, ...]:
+def _columns(
+    names: Sequence[str], units: Sequence[str] | None = None, where: str = ""
+) -> tuple[Column, ...]:
     """Columns of names, with the units of a row of their own, or those in brackets.
 
-    Names are numbered where they are empty or there twice.
+    Names are numbered where they are empty or there twice; next to a unit of its own (``where``
+    opens the error) a name is there once.
     """
     if units is None:
         columns = named_columns(names)
@@ -323,6 +328,8 @@ def _columns(names: Sequence[str], units: Sequence[str] | None = None) -> tuple[
             name, k = f"{first} {k}", k + 1
         following[first.lower()] = k
         taken.add(name.lower())
+        if name != first and column.unit is not None and where:
+            raise BadInput(f"{where}: column '{column.name}' appears twice")
         made.append(replace(column, name=name))
     return tuple(made)
 

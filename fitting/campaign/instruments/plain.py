@@ -29,11 +29,8 @@ from fitting.campaign.instruments.loose_tables import (
     UNITS,
     cells_of,
     find_table,
-    heads_at,
     is_number,
     suffixed_unit,
-    with_units,
-    words_of,
 )
 from fitting.campaign.instruments.recording import Layout, Recording, Selection, of_table
 from fitting.campaign.instruments.roles import FREQUENCY
@@ -217,18 +214,11 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
     wide = wide_table(path, text) if row is None else None
     if wide is not None and not {selection.amplitude, selection.x} & set(wide[2]):
         return of_table(wide[0], wide[1])
-    kept = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
-    delimiter = next((d for d in ";\t," if d in kept[0]), "") if kept else ""
-    if row is None and kept and _has_head(text, kept[:3], delimiter):
-        lines = enumerate(text.splitlines(), start=1)
-        table = parse_table(path, [(n, t) for n, t in lines if t.strip().lower() not in ENDS])
-        head = table.lines[0] - 1
-        columns = with_units(table.columns, text.splitlines()[:head], delimiter)
-        return of_table(replace(table, columns=columns), words_of(delimiter, head))
     result = find_table(path, text, row)
     if result is not None:
         table, words, headed = result
         return replace(of_table(table, words), headed=headed)
+    kept = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
     if not kept:
         raise BadInput(f"{path}: is empty; wanted a header line and rows of numbers")
     first = kept[0].strip()
@@ -243,31 +233,6 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
         f"{path}: holds no table of numbers; found {shown(first[:60])}, wanted a header line "
         "and rows of numbers, a frequency in each"
     )
-
-
-def _has_head(text: str, kept: Sequence[str], delimiter: str) -> bool:
-    """Whether a head of names stands right above the first row: it is held to the letter then."""
-    if not delimiter:
-        return False
-
-    def has_number(cells: Sequence[str]) -> bool:
-        return any(is_number(c, decimal_comma=delimiter != ",") for c in cells)
-
-    head, *rows = (cells_of(line, delimiter) for line in kept)
-    if len(head) < 2 or head[0].startswith("%") or has_number(head):
-        return False
-    if not any(mark in cell for cell in head for mark in "[("):
-        # network analysers give columns of values one name; a row of units may stand below names
-        row = rows[0] if rows else ()
-        units = bool(row) and all(c.lower() in UNITS or not c for c in row)
-        repeated = len({c.lower() for c in head}) < len(head)
-        if repeated or units or len(row) < len(head) or not has_number(row):
-            return False
-    if all(len(row) == len(head) and has_number(row) for row in rows):
-        return True
-    if rows and len(rows[0]) != len(head) and not has_number(rows[0]):
-        return False
-    return heads_at(text, delimiter) in (None, 0)  # else settings of an instrument look alike
 
 
 LAYOUT = Layout(name="csv", read=_read_csv, recognises=lambda head: True, keys=("header_row",))

@@ -139,8 +139,8 @@ def _read_rohde_schwarz(path: Path, selection: Selection) -> Recording:
             raise BadInput(f"{path}: no '{key}' line before the values; wanted as in 'x-Unit;Hz;'")
         columns.append(("Time" if unit == "s" else name, unit, at))
     settings = _settings(above)
-    worth = (key for key in ("type", "rbw", "detector") if key in settings)
-    notes = {key: " ".join(settings[key]).strip() for key in worth}
+    worth: tuple[str, ...] = ("type", "rbw", "detector")
+    notes = {key: " ".join(settings[key]).strip() for key in worth if key in settings}
     words = ", ".join(("Rohde & Schwarz, ASCII trace", *notes.values()))
     return of_rows(path, columns, below[:count], words, notes, decimal_comma=True)
 
@@ -161,7 +161,7 @@ def _read_labview(path: Path, _: Selection) -> Recording:
     ends = [k for k, (_, cells) in enumerate(rows) if cells[0].startswith(_END_OF_HEADER)]
     if not ends or len(rows) < ends[-1] + 3:
         raise BadInput(f"{path}: no columns below '{_END_OF_HEADER}'; wanted a .lvm file with data")
-    above, (_, names), *below = rows[: ends[-1]], *rows[ends[-1] + 1 :]
+    above, (_, names), below = rows[: ends[-1]], rows[ends[-1] + 1], rows[ends[-1] + 2 :]
     times = _setting(above, "x_columns", "One")
     if times != "One":
         raise BadInput(
@@ -411,7 +411,7 @@ def _read_oscilloscope(path: Path, _: Selection) -> Recording:
         axis = "Frequency" if over == "Hz" else "Time", over, 3
         values = source, _unit(_setting(rows, "vertical units")), 4
         return of_rows(path, [axis, values], rows, f"Tektronix oscilloscope, {source}")
-    (_, names), (_, units), *rows = rows
+    names, units, rows = rows[0][1], rows[1][1], rows[2:]
     places = [name.lower() for name in names]
     start, step = (
         parse_number(units[places.index(key)], f"{path}: row 2, '{key}'")
