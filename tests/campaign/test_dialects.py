@@ -191,7 +191,10 @@ def test_columns_without_names_or_units_are_asked_for(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        (lambda t: t.replace("\n6.8", "\n6.8x", 1), r"row 2, column 'freq_hz': found '6.8x.*wanted a finite number"),
+        (
+            lambda t: t.replace("\n6.8", "\n6.8x", 1),
+            r"row 2, column 'freq_hz': found '6.8x.*wanted a finite number",
+        ),
         (lambda t: t + "7.1e3 1 2\n", r"row 59 has 3 cells, the rows above it 2"),
         (lambda t: t + "second sweep\n", r"row 59 .*wanted|row 59, column"),
         (lambda t: t[:-30] + "nan\n", r"row 58.*(nan|cells)"),
