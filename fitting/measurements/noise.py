@@ -61,7 +61,7 @@ from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, as_numbers
 from fitting.text.errors import BadInput, NoScale
-from fitting.text.finding import Kind
+from fitting.text.finding import Finding, Kind
 from fitting.text.notation import number
 from fitting.text.schema import (
     FileName,
@@ -227,6 +227,7 @@ class NoiseSpectrum(OfSetup, Curve):
         output: The observed output of the FMU; empty: the setup's.
         unit: Whose square per Hz the density has.
         source: Its name in errors.
+        left_out: What of its file is not used.
         setup: How tones drive the FMU, and the observed output.
         series: Measurements of one series share their setup.
 
@@ -251,6 +252,7 @@ class NoiseSpectrum(OfSetup, Curve):
     floor: bool = True
     window: str = "none"
     source: str = "noise spectrum"
+    left_out: tuple[Finding, ...] = ()
     u_hz: FloatArray = field(init=False)
     pushed: FloatArray = field(init=False)
     observed_hz: FloatArray = field(init=False)
@@ -665,9 +667,10 @@ class NoiseSpectrumTable(RecordTable):
         density = self._column(table, names.density, "density")
         f = ReadColumn.of(table, frequency, "frequency (Hz)").into("Hz")
         read = self._density(table, density)
-        force = None
+        force, column = None, None
         if self.force == COLOURED:
-            force = table.numbers(self._column(table, names.force, "force"))
+            column = self._column(table, names.force, "force")
+            force = table.numbers(column)
         elif names.force:
             raise BadInput(f'{self.file}: columns.force has a meaning with force = "{COLOURED}"')
         return NoiseSpectrum(
@@ -681,6 +684,7 @@ class NoiseSpectrumTable(RecordTable):
             label=label,
             unit=read.unit,
             source=str(self.file),
+            left_out=table.unused(frequency, density, column),
         )
 
     def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:

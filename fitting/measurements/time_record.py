@@ -59,6 +59,7 @@ from fitting.text.arrays import (
     as_values,
 )
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
+from fitting.text.finding import Finding
 
 FIRST, DETECTED = BEGINS = ("first", "found")
 
@@ -111,6 +112,7 @@ class TimeRecord(OfSetup):
     begin: str = FIRST
     setting_sigma: Mapping[str, float] = field(default_factory=dict)
     source: str = "trace"
+    left_out: tuple[Finding, ...] = ()
     t: FloatArray = field(init=False)
     y: FloatArray | ComplexArray = field(init=False)
     spacing_s: float = field(init=False)

@@ -87,7 +87,7 @@ from fitting.simulate.batch import Batch
 from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar, as_numbers, both_parts
 from fitting.text.errors import BadInput
-from fitting.text.finding import Kind, note
+from fitting.text.finding import Finding, Kind, note
 from fitting.text.notation import hertz, number
 from fitting.text.schema import (
     Count,
@@ -148,6 +148,7 @@ class Trace(TimeRecord):
         label: Name of the trace; required with several.
         unit: Of the values.
         source: Its name in errors.
+        left_out: What of its file is not used.
         setup: The observed output and start values; its tones are not used.
         series: Measurements of one series share their setup.
 
@@ -481,7 +482,9 @@ def autocorrelation(left: FloatArray) -> Panel:
 
 
 #: Times, output, input that was recorded, and further inputs by name.
-ReadColumns = tuple[ReadColumn, ReadColumn, ReadColumn | None, Mapping[str, ReadColumn]]
+ReadColumns = tuple[
+    ReadColumn, ReadColumn, ReadColumn | None, Mapping[str, ReadColumn], tuple[Finding, ...]
+]
 
 STEP, PULSE, CHIRP = SIGNALS = ("step", "pulse", "chirp")
 #: States that decay after an unknown start, where nothing is written: one mode.
@@ -627,7 +630,7 @@ class TraceTable(TimeTable):
             raise Refused('has no meaning with start = "unknown"', "lead")
 
     def read_columns(self, output: str) -> ReadColumns:
-        """Times, output, input and further inputs of the file, as they are written.
+        """Times, output, input and further inputs of the file as they are written; what is unused.
 
         Args:
             output: name of the output that is seen, where the table names none.
@@ -655,7 +658,9 @@ class TraceTable(TimeTable):
             column = table.column(name)
             where = f"{self.file}: column '{column.name}'"
             further[name] = ReadColumn(table.numbers(column), column.unit or "", where)
-        return time, values, driven, further
+        inputs = table.find(names.input or self.input or ""), *map(table.find, further)
+        other = table.unused(table.column(names.time or "time"), table.column(observed), *inputs)
+        return time, values, driven, further, other
 
     def checks(self, binder: Binder, setup: Setup) -> Iterator[Callable[[], object]]:
         """What examines each name and value by itself, those of inputs as well."""
@@ -667,7 +672,7 @@ class TraceTable(TimeTable):
     def bound(self, binder: Binder, setup: Setup, label: str) -> Trace:
         """The trace in the names and units of the FMU."""
         read = partial(self.read_columns, setup.output)
-        time, values, recorded, further = self.checked(read, binder, setup)
+        time, values, recorded, further, other = self.checked(read, binder, setup)
         variables = binder.variables
         observed = variables[self.output or setup.output]
         driven: tuple[FloatArray, FloatArray] | Waveform | None = None
@@ -712,6 +717,7 @@ class TraceTable(TimeTable):
             label=label,
             unit=values.unit or "1",
             source=str(self.file),
+            left_out=other,
             **self.known(binder, setup),
         )
 
@@ -766,6 +772,7 @@ class DemodulatedTrace(TimeRecord):
         label: Name of the trace; required with several.
         unit: Of the values.
         source: Its name in errors.
+        left_out: What of its file is not used.
         setup: The observed output and start values; its tones are not used.
         series: Measurements of one series share their setup.
 
@@ -1196,9 +1203,12 @@ class DemodulatedTable(TimeTable):
                 raise BadInput(f"{self.file}: a column of phases is given together with X and Y")
             phase = ReadColumn.of(table, table.column(names.phase), "phase (deg)")
             values = values * np.exp(1j * phase.into("rad").values)
+        taken = [names.amplitude or "amplitude"] if amplitudes else [names.X or "X", names.Y or "Y"]
+        taken += [names.time or "time", names.phase]
         return DemodulatedTrace(
             time_s,
             values,
+            left_out=table.unused(*map(table.find, filter(None, taken))),
             frequency_hz=in_unit(self.frequency, "Hz"),
             input=self.input,
             modes=self.modes,

@@ -14,8 +14,11 @@ import pytest
 import fitting as ff
 from fitting.campaign.instruments import read_recording, read_trace
 from fitting.campaign.instruments.recording import Selection
+from fitting.measurements.noise import NoiseSpectrumTable
+from fitting.measurements.traces import DemodulatedTable, TraceTable
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind, of_kind
+from fitting.text.schema import read_record
 
 F_HZ = np.linspace(9900.0, 10100.0, 61)
 
@@ -199,3 +202,27 @@ def test_points_are_weighed_by_them(tmp_path: Path) -> None:
     for name, truth, std in zip(("f1", "d1"), x, np.sqrt(np.diag(covariance)), strict=False):
         assert abs(params[name].value - truth) < 3.0 * std
         assert params[name].std == pytest.approx(std, rel=0.05)
+
+
+def test_records_and_noise_list_them(tmp_path: Path) -> None:
+    """A recording over time, a demodulated one and a noise spectrum; constants are not listed."""
+    t = np.arange(400) * 1e-5
+    x = np.exp(-50.0 * t) * np.sin(2e4 * t)
+    rows = zip(t, x, np.cos(2e4 * t), np.gradient(x), np.full(t.size, 1.5), strict=True)
+    text = "\n".join(",".join(f"{v:.9g}" for v in row) for row in rows)
+    (tmp_path / "t.csv").write_text(f"time (s),readout (V),X (V),Y (V),gain (1)\n{text}\n")
+    f = np.linspace(9e3, 1.1e4, 60)
+    noise = "\n".join(f"{each:.6g},{1.0 + k % 3},{k % 7}" for k, each in enumerate(f))
+    (tmp_path / "n.csv").write_text(f"frequency (Hz),density (V2/Hz),drift (K)\n{noise}\n")
+    where = tmp_path / "campaign.toml"
+    trace = read_record(TraceTable, {"file": "t.csv"}, where, "trace").read_columns("readout")[-1]
+    table = {"file": "t.csv", "frequency": "10 kHz", "input": "F"}
+    demodulated = read_record(DemodulatedTable, table, where, "demodulated_trace").record("")
+    spectrum = read_record(NoiseSpectrumTable, {"file": "n.csv"}, where, "noise_spectrum").record(
+        ""
+    )
+    listed = [
+        [name for finding in findings for name in finding.names["columns"]]
+        for findings in (trace, demodulated.left_out, spectrum.left_out)
+    ]
+    assert listed == [["'X'", "'Y'"], ["'readout'"], ["'drift'"]]

@@ -48,7 +48,7 @@ from fitting.signal.scale import laboratory_maximum
 from fitting.text.arrays import FloatArray
 from fitting.text.errors import BadInput
 from fitting.text.estimate import FittedEstimate, OffsetEstimate, OutputEstimate, ParameterEstimate
-from fitting.text.finding import Finding, Kind, note, warning
+from fitting.text.finding import Finding, Kind, note, of_kind, warning
 from fitting.text.notation import hertz, settings_words
 from fitting.text.units import convert
 
@@ -483,13 +483,20 @@ def check_lines(solved: Solved) -> Iterator[Finding]:
         given += [(name, e.spectrum.left_out) for e in bound.experiments if e.spectrum is not None]
         given += [(name, bound.sweep.left_out)] if bound.sweep is not None else []
     given += [(m.series, m.left_out) for m in measurements]
-    listed = set()  # spectra of one instrument have the same columns
-    for name, findings in given:
-        for finding in findings:
-            columns = name, finding.names.get("columns")
-            if finding.kind is not Kind.other_columns or columns not in listed:
-                yield replace(finding, subject=name)
-            listed.add(columns)
+    every = [replace(finding, subject=name) for name, findings in given for finding in findings]
+    yield from (finding for finding in every if finding.kind is not Kind.other_columns)
+    # of a file that several measurements read, the columns that none of them uses
+    unused: dict[tuple[str, ...], Finding] = {}
+    for finding in of_kind(tuple(every), Kind.other_columns):
+        key = finding.subject, *finding.names["file"]
+        known = unused.setdefault(key, finding).names["columns"]
+        left = tuple(name for name in known if name in finding.names["columns"])
+        unused[key] = replace(finding, names={**finding.names, "columns": left})
+    listed: list[object] = [()]  # spectra of one instrument have the same columns
+    for finding in unused.values():
+        if finding.names["columns"] not in listed:
+            yield finding
+        listed.append(finding.names["columns"])
 
 
 def check_agreement(solved: Solved) -> Iterator[Finding]:
