@@ -68,6 +68,8 @@ from fitting.text.units import Written, checked_accuracy
 DRIFT_MODELS = ("linear", "offsets", "walk")
 OUTLIERS = ("keep", "huber")
 SAMPLES_PER_PERIOD = 200
+#: Keys that state which part of a file is taken.
+PART = ("trace", "chunk", "header_row")
 UNIT_LEVEL = Written(1.0, None, "[drive] level")
 
 
@@ -195,25 +197,20 @@ class LayoutKeys(Keys):
             header_row=self.header_row,
         )
 
-    def check_layout(self, result: str = "", keys: Sequence[str] | None = None) -> None:
-        """Refuse a key that has no meaning with what is read.
-
-        Args:
-            result: words for what is read; empty: the layout.
-            keys: that have a meaning; None: those of the layout, all where the content decides.
+    def check_layout(self) -> None:
+        """Refuse a key that has no meaning with the layout that is stated.
 
         Raises:
             Refused: names the key, and the layouts with which it has a meaning.
         """
-        part = ("trace", "chunk", "header_row")
-        if keys is None:
-            keys = part if self.layout is None else LAYOUTS[self.layout].keys
-        result = result or f'layout = "{self.layout}"'
-        for key in (key for key in part if key not in keys):
+        for key in PART if self.layout is not None else ():
             known = [f'"{name}"' for name, layout in LAYOUTS.items() if key in layout.keys]
-            self.refuse(
-                f"has no meaning with {result}, only with layout = {' or '.join(known)}", key
-            )
+            if f'"{self.layout}"' not in known:
+                wanted = " or ".join(known)
+                self.refuse(
+                    f'has no meaning with layout = "{self.layout}", only with layout = {wanted}',
+                    key,
+                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,7 +284,9 @@ class WrittenExperiments(WrittenTrace):
         self._check_phases()
         if self.spectra is not None and "{experiment}" not in self.spectra:
             raise Refused(f"'{self.spectra}' wanted with '{{experiment}}' in it", "spectra")
-        if self.spectra is not None:
+        if self.spectra is None:
+            self.refuse("has no meaning with ready peaks", *PART)
+        else:
             self.refuse("wanted only together with 'peaks'", "peak_sigmas")
         super().__post_init__()
         if self.x and self.detector.kind in ("dBm", "dB"):
@@ -331,12 +330,6 @@ class WrittenExperiments(WrittenTrace):
     def data_columns(self) -> tuple[str, ...]:
         """Columns that hold what was measured."""
         return (*self.peaks, *self.phases, *self.x, *self.y, *self.peak_sigmas)
-
-    def check_layout(self, result: str = "", keys: Sequence[str] | None = None) -> None:
-        """Refuse a key that has no meaning: all of them where peaks are ready."""
-        if self.spectra is None:
-            result, keys = "ready peaks", ()
-        super().check_layout(result, keys)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fitting.campaign.bound import BoundCampaign
 from fitting.campaign.measured import Spectrum, SweepData
 from fitting.campaign.parameters import Parameter
+from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
 
@@ -153,20 +154,20 @@ def refuse_repeats(bounds: Sequence[BoundCampaign]) -> None:
     Raises:
         BadInput: names both.
     """
-    known: dict[Hashable, list[tuple[str, object]]] = {}
+    known: dict[Hashable, list[tuple[str, Any]]] = {}
     for bound in bounds:
-        for where, key, data, is_same in (*_curves(bound), *_rows(bound)):
+        for where, key, data in (*_curves(bound), *_rows(bound)):
             alike = known.setdefault(key, [])
             for other, its_data in alike:
-                if is_same(its_data, data):
+                if _is_same(its_data, data):
                     raise BadInput(
                         f"{where}: are the data of {other} again; wanted every measurement once"
                     )
             alike.append((where, data))
 
 
-#: Where data are, a key that is equal for equal ones, the data, and whether two are the same.
-_Data = tuple[str, Hashable, object, Callable[..., bool]]
+#: Where data are, a key that is equal for equal ones, a curve or the settings of an experiment.
+_Data = tuple[str, Hashable, Spectrum | Mapping[str, Scalar]]
 
 
 def _curves(bound: BoundCampaign) -> Iterator[_Data]:
@@ -185,25 +186,24 @@ def _curves(bound: BoundCampaign) -> Iterator[_Data]:
         mantissa, exponent = np.frexp(np.concatenate([curve.frequency_hz, relative]))
         rounded = np.round(np.ldexp(mantissa, BITS))
         key = hashlib.sha256(rounded.tobytes() + exponent.tobytes()).digest()
-        yield where, key, curve, _is_same_curve
+        yield where, key, curve
 
 
-def _is_same_curve(one: Spectrum, two: Spectrum) -> bool:
-    """Whether curves of one shape are of the same data, and both are fitted.
+def _is_same(one: Any, two: Any) -> bool:
+    """Whether data of one key are the same, and both are fitted.
 
-    One measurement read in two units is; a linear sample driven at two levels is not.
+    One measurement read in two units is; a linear sample driven at two levels is not, nor peaks at
+    other settings.
     """
+    if not isinstance(one, Spectrum):
+        return all(one[name] == two[name] for name in one.keys() & two.keys())
     if any(isinstance(each, SweepData) and each.use != "fit" for each in (one, two)):
         return False
     tops = (float(np.max(each.amplitude_v)) for each in (one, two))
+    files = one.source.is_file() and two.source.is_file()
     return math.isclose(*tops, rel_tol=10.0**-COMPARED) or (
-        _content(one.source) == _content(two.source) != b""
+        files and one.source.read_bytes() == two.source.read_bytes()
     )
-
-
-def _content(path: Path) -> bytes:
-    """Digest of a file, empty for what comes from none."""
-    return hashlib.sha256(path.read_bytes()).digest() if path.is_file() else b""
 
 
 def _rows(bound: BoundCampaign) -> Iterator[_Data]:
@@ -222,9 +222,4 @@ def _rows(bound: BoundCampaign) -> Iterator[_Data]:
             numbers = (*e.tones_hz, *e.read_hz, *e.peaks_v.tolist())
             key = tuple(f"{value:.{COMPARED}g}" for value in numbers)
             settings = {name: value for name, value in e.settings.items() if name not in moving}
-            yield (
-                f"{bound.path}: experiment '{e.label}'",
-                key,
-                settings,
-                lambda one, two: all(one[name] == two[name] for name in one.keys() & two.keys()),
-            )
+            yield f"{bound.path}: experiment '{e.label}'", key, settings

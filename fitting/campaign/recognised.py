@@ -106,7 +106,7 @@ class _Roles:
         """The frequency: by its usual name, one that rises, or the only one in hertz; or time."""
         recording = self.recording
         time, frequency = usual(recording, TIME), usual_frequency(recording)
-        if time is not None and frequency is not None and _rises(time) and not _varies(frequency):
+        if time is not None and frequency is not None and _rises(time) and not frequency.varies:
             frequency = None  # what a lock-in demodulated at, beside what it recorded
         if self._give(frequency, "frequency"):
             return
@@ -136,22 +136,17 @@ class _Roles:
 
     def parts(self) -> None:
         """Real and imaginary part: by usual names, as one quantity, or as their names state."""
-        x, y = usual(self.recording, X), usual(self.recording, Y)
-        if x is not None and y is not None and usual(self.recording, AMPLITUDE) is None:
-            self._give(x, "re")
-            self._give(y, "im")
-            return
-        pair = parts_by_name(self.recording)
-        if pair is not None:
-            why = f"{pair[0].name} and {pair[1].name} are the two parts of one quantity"
-            self._give(pair[0], "re", why=why)
-            self._give(pair[1], "im", why=why)
-            return
-        for channel in self._free():
-            other = _other_part(channel, self._free())
-            if other is not None:
-                self._give(channel, "re", why="its name means the real part")
-                self._give(other, "im", why="its name means the imaginary part")
+        pairs: list[tuple[Channel | None, Channel | None, str]] = []
+        if usual(self.recording, AMPLITUDE) is None:
+            pairs.append((usual(self.recording, X), usual(self.recording, Y), ""))
+        for pair in filter(None, [parts_by_name(self.recording)]):
+            pairs.append((*pair, f"{pair[0].name} and {pair[1].name} are parts of one quantity"))
+        others = ((channel, _other_part(channel, self._free())) for channel in self._free())
+        pairs += [(*pair, "its name means that") for pair in others]
+        for x, y, why in pairs:
+            if x is not None and y is not None:
+                self._give(x, "re", why=why)
+                self._give(y, "im", why=why)
                 return
 
     def sizes(self) -> None:
@@ -160,9 +155,9 @@ class _Roles:
             ("phase", PHASE, r"phase|theta|angle|\barg\b", _PHASE_UNITS),
             ("amplitude", AMPLITUDE, _AMPLITUDE_WORDS, None),
         ):
-            lively = [c for c in self._free() if _varies(c)]
+            lively = [c for c in self._free() if c.varies]
             known = usual(self.recording, names)
-            if role == "amplitude" and lively and known is not None and not _varies(known):
+            if role == "amplitude" and lively and known is not None and not known.varies:
                 known = None  # a channel that was open, next to one that was not
             if self._give(known, role):
                 continue
@@ -182,9 +177,9 @@ class _Roles:
             self.remarks.append("the file names no columns, and the first one does not rise")
             return
         self._give(first, "frequency", why="it is the first one and rises; no unit is stated")
-        complexes = [c for c in rest if c.is_complex]
-        if complexes:
-            self._give(complexes[0], "complex", why="its values are complex")
+        if self._give(
+            next((c for c in rest if c.is_complex), None), "complex", why="it is complex"
+        ):
             return
         a, b = [*map(_numbers, rest[:2]), None, None][:2]
         if a is None or b is None:
@@ -211,11 +206,6 @@ def _numbers(channel: Channel) -> Numbers | None:
 def _rises(channel: Channel) -> bool:
     values = None if channel.is_complex else _numbers(channel)
     return values is not None and bool(np.all(np.diff(values) > 0.0))
-
-
-def _varies(channel: Channel) -> bool:
-    values = _numbers(channel)
-    return values is not None and bool(np.any(values != values[0]))
 
 
 def _livelier(channels: Sequence[Channel]) -> Channel | None:

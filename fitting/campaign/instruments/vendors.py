@@ -161,7 +161,7 @@ def _read_labview(path: Path, _: Selection) -> Recording:
     ends = [k for k, (_, cells) in enumerate(rows) if cells[0].startswith(_END_OF_HEADER)]
     if not ends or len(rows) < ends[-1] + 3:
         raise BadInput(f"{path}: no columns below '{_END_OF_HEADER}'; wanted a .lvm file with data")
-    above, (_, names), below = rows[: ends[-1]], rows[ends[-1] + 1], rows[ends[-1] + 2 :]
+    above, names, below = rows[: ends[-1]], rows[ends[-1] + 1][1], rows[ends[-1] + 2 :]
     times = _setting(above, "x_columns", "One")
     if times != "One":
         raise BadInput(
