@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 
 import fitting as ff
-from fitting.campaign.instruments import read_recording
+from fitting.campaign.instruments import read_recording, read_trace
 from fitting.campaign.instruments.recording import Selection
 from fitting.campaign.recognised import recognised
 from fitting.measurements.complex_sweep import read_complex
@@ -172,3 +172,36 @@ def test_a_campaign_reads_what_line_reads(tmp_path: Path) -> None:
     path.write_text(FILES["settings in brackets first"][0], "utf-8")
     measured = read_complex(path, None, Selection())
     np.testing.assert_allclose(measured.u_hz, F, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("head", "names"),
+    [
+        ("Gain,1.5\nRange,2\n\nfrequency (Hz),amplitude (V)", 4),
+        ("Instrument,X7\nGain,1.5\nfrequency (Hz),amplitude (V)", 3),
+        ("frequency (Hz),amplitude (V)\n# two words", 1),
+    ],
+)
+def test_names_are_those_right_above_the_numbers(tmp_path: Path, head: str, names: int) -> None:
+    """Settings with as many cells above them, or a remark of as many words below them, are none."""
+    path = tmp_path / "sweep.csv"
+    rows = "\n".join(f"{1000 + k},{1.0 + k % 3}" for k in range(9))
+    path.write_text(f"{head}\n{rows}\n")
+    recording = read_recording(path)
+    assert [(c.name, c.unit) for c in recording.channels] == [
+        ("frequency", "Hz"),
+        ("amplitude", "V"),
+    ]
+    assert recording.words.endswith(f"names in row {names}")
+    assert len(recording.places) == 9
+
+
+@pytest.mark.parametrize("cell", ["over", "----", ""])
+def test_a_first_row_with_a_cell_that_is_no_number_is_not_passed_over(
+    tmp_path: Path, cell: str
+) -> None:
+    path = tmp_path / "sweep.csv"
+    rows = "\n".join(f"{1000 + k},{1.0 + k % 3}" for k in range(1, 9))
+    path.write_text(f"frequency (Hz),amplitude (V)\n1000,{cell}\n{rows}\n")
+    with pytest.raises(BadInput, match=f"row 2, column 'amplitude': found '{cell}'"):
+        read_trace(path, None)

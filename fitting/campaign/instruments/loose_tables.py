@@ -1,8 +1,8 @@
 """Tables of numbers as programs write them: delimiter, comments, head and unit row are found.
 
-`fitting.text.tables` reads what the documentation describes; this reads the rest:
-blanks between cells, no head at all, lines that begin with # or %, a preamble of settings, a row of
-units below the names.
+Blanks between cells, no head at all, lines that begin with # or %, a preamble of settings, a row of
+units below the names. Rows begin right below names that have a unit or are those of an axis, so
+that a cell that is no number is named with its row and column.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _start(kept: Sequence[tuple[int, str]]) -> tuple[int, str, int] | None:
             cells = cells_of(kept[i][1], delimiter)
             # right below names the first row may have a cell that is no number
             names = cells_of(kept[i - 1][1], delimiter) if i else ()
-            headed = any(map(_heads, names)) and not any(map(is_number, names))
+            headed = len(names) > 1 and any(map(_heads, names)) and not any(map(is_number, names))
             headed = headed and _goes_on(kept[i][1], delimiter, len(names))
             count = len(names) if headed else len(cells) * _numeric(cells, delimiter)
             j = i
@@ -196,6 +196,8 @@ def _start(kept: Sequence[tuple[int, str]]) -> tuple[int, str, int] | None:
 
 def _goes_on(text: str, delimiter: str, count: int) -> bool:
     """Whether a line may be a further row of numbers: as many cells, and one begins like it."""
+    if text[:1] in _BEGINS and '"' not in text and text.count(delimiter) == count - 1:
+        return delimiter != BLANKS  # of most lines without parting them
     cells = cells_of(text, delimiter, count)
     return len(cells) == count and any(c[:1] in _BEGINS or c.lower() in _NONE for c in cells if c)
 
@@ -245,7 +247,7 @@ def _rows(
     rows: list[tuple[str, ...]] = []
     lines: list[int] = []
     for n, text in kept:
-        if text.strip().lower() in ENDS:
+        if text[:1] not in _BEGINS and text.strip().lower() in ENDS:
             break
         cells = cells_of(text, delimiter, count)
         if len(cells) != count:

@@ -1,8 +1,7 @@
 """Columns of text: what people write by hand, and what a program without a format of its own does.
 
-A head with units in brackets as the documentation has it is taken to the letter, so that a slip is
-named with its row. Anything else is looked at: blanks or a tab between cells, no head, lines that
-begin with # or %, settings above the table, a row of units below the names.
+`fitting.campaign.instruments.loose_tables` finds the table: blanks or a tab between cells, no head,
+lines that begin with # or %, settings above the table, a row of units below the names.
 
 A map has a column, or a row, of amplitudes for each value of a control:
 
