@@ -196,8 +196,10 @@ def _start(kept: Sequence[tuple[int, str]]) -> tuple[int, str, int] | None:
 
 def _goes_on(text: str, delimiter: str, count: int) -> bool:
     """Whether a line may be a further row of numbers: as many cells, and one begins like it."""
-    if text[:1] in _BEGINS and '"' not in text and text.count(delimiter) == count - 1:
-        return delimiter != BLANKS  # of most lines without parting them
+    # most lines need not be parted
+    plain = delimiter != BLANKS and text[:1] in _BEGINS and '"' not in text
+    if plain and text.count(delimiter) == count - 1:
+        return True
     cells = cells_of(text, delimiter, count)
     return len(cells) == count and any(c[:1] in _BEGINS or c.lower() in _NONE for c in cells if c)
 
