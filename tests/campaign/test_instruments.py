@@ -205,7 +205,7 @@ EDITS = [
         PLAIN,
         PLAIN[31:],
         "",
-        "found 'frequency (MHz),amplitude (uV)', wanted a header line and rows",
+        "row 1 is the last; wanted rows of numbers",
     ),
     ("csv", PLAIN, PLAIN, "# nothing\n", "is empty"),
     ("rohde-schwarz", ROHDE_SCHWARZ, "-11.5", "----", "row 16, column 'Level': found '----'"),

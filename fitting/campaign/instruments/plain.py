@@ -217,10 +217,11 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
     if result is not None:
         table, words, headed = result
         return replace(of_table(table, words), headed=headed)
-    kept = [t for t in text.splitlines() if t.strip() and not t.startswith("#")]
+    whole = enumerate(text.splitlines(), start=1)
+    kept = [(n, t) for n, t in whole if t.strip() and not t.startswith("#")]
     if not kept:
         raise BadInput(f"{path}: is empty; wanted a header line and rows of numbers")
-    first = kept[0].strip()
+    at, first = kept[0][0], kept[0][1].strip()
     if row is not None:
         raise BadInput(
             f"{path}: holds no table of numbers below row {row}, which is declared to hold the "
@@ -228,6 +229,8 @@ def _read_csv(path: Path, selection: Selection) -> Recording:
         )
     if is_number(first, decimal_comma=True):
         raise BadInput(f"{path}: holds one column of numbers; wanted a column of frequencies, too")
+    if len(kept) == 1:
+        raise BadInput(f"{path}: row {at} is the last; wanted rows of numbers below it")
     raise BadInput(
         f"{path}: holds no table of numbers; found {shown(first[:60])}, wanted a header line "
         "and rows of numbers, a frequency in each"
