@@ -464,7 +464,9 @@ def sweep_of(path: Path, columns: Columns, answers: Answers) -> SweepFile:
     # a sweep with one line or two
     trace = read_trace_of(path, columns)
     spikes = (spike_note(spike, trace.unit, campaign=True) for spike in spikes_in(trace))
-    made = SweepFile(path=path, roles=roles, reading=(*trace.reading, *spikes))
+    # columns that are not used are listed of all files together
+    reading = tuple(f for f in trace.reading if f.kind is not Kind.other_columns)
+    made = SweepFile(path=path, roles=roles, reading=(*reading, *spikes))
     try:
         line = line_of(trace)
     except TwoResonances as error:

@@ -84,4 +84,4 @@ def read_noise_of(path: Path, columns: Columns) -> NoiseRecord:
     unit = "1" if density.is_relative else density.unit
     made = noise_record_of(hertz_in(roles), density.numbers, unit, str(path))
     what = "root of the density" if density.is_root else "density"
-    return replace(made, reading=lead(roles, what))
+    return replace(made, reading=(*lead(roles, what), *roles.recording.unused(*roles.all)))

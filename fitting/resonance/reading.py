@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,8 +29,6 @@ SQUARES = (*POWERS, *(f"{power}/Hz" for power in POWERS))
 
 #: Names of columns that a complaint lists.
 MOST_SHOWN = 12
-#: Correlation of two columns, less than one by this, from which they are one quantity.
-SAME = 1e-8
 #: Roles of columns of a sweep whose values are amplitudes; of a noise spectrum it is another.
 AMPLITUDE = "amplitude"
 #: Unit of amplitudes that were levels over a milliwatt.
@@ -287,20 +284,8 @@ def unused_columns(recording: Recording, taken: Sequence[Channel]) -> tuple[str,
         recording: what was read of a file.
         taken: the columns that are.
     """
-    names, used = [], {channel.name for channel in taken}
-    for channel in recording.channels:
-        if channel.name in used:
-            continue
-        with contextlib.suppress(BadInput):
-            values = _lenient(channel).real
-            rows = np.isfinite(values)  # none of text, as that of a remark
-            if not np.any(rows) or np.ptp(values[rows]) == 0.0:
-                continue
-            with np.errstate(all="ignore"):  # NaN of a column that is taken and does not vary
-                like = np.corrcoef([values, *(_lenient(other).real for other in taken)])[0, 1:]
-            if not np.any(np.abs(like) > 1.0 - SAME):
-                names.append(f"'{channel.name}'" + f" ({channel.unit})" * bool(channel.unit))
-    return tuple(names)
+    others = recording.others(*taken)
+    return tuple(f"'{c.name}'" + f" ({c.unit})" * bool(c.unit) for c in others)
 
 
 def with_unit(channel: Channel, unit: str) -> Channel:
@@ -340,7 +325,7 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     roles = roles_of(path, columns)
     repeated: list[Finding] = []
     if columns.drop_missing:
-        finite = np.all([np.isfinite(_lenient(channel)) for channel in roles.all], axis=0)
+        finite = np.all([np.isfinite(channel.lenient_values) for channel in roles.all], axis=0)
         if not np.all(finite):
             repeated.append(note(Kind.rows_dropped, count=float(np.sum(~finite))))
             roles = _some_rows(roles, np.flatnonzero(finite))
@@ -372,7 +357,8 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
         if c is not None
     )
     values, unit, converted = values_in(roles)
-    reading = [*lead(roles), *_guesses(roles, columns), *converted]
+    unused = recording.unused(*roles.all)
+    reading = [*lead(roles), *unused, *_guesses(roles, columns), *converted]
     steps = np.diff(frequency_hz)
     if np.any(steps < 0.0):
         reading.append(note(Kind.rows_sorted, reversed=float(np.all(steps < 0.0))))
@@ -393,16 +379,11 @@ def read_trace_of(path: Path, columns: Columns) -> Trace:
     )
 
 
-def _lenient(channel: Channel) -> ComplexArray:
-    """The values of a column, (n,), NaN where a cell is no number."""
-    return np.asarray((channel.lenient or channel.read)())
-
-
 def _some_rows(roles: Roles, rows: IntArray) -> Roles:
     """The columns of a file with some of its rows, numbered from 0."""
 
     def taken(channel: Channel) -> Channel:
-        return replace(channel, read=lambda: _lenient(channel)[rows], lenient=None)
+        return replace(channel, read=lambda: channel.lenient_values[rows], lenient=None)
 
     names = ("axis", "sizes", "phase", "real", "imaginary")
     parts: dict[str, Any] = {
@@ -424,19 +405,16 @@ def map_in(roles: Roles) -> ControlMap | None:
     return map_of(roles.recording, frequencies, [channel.name for channel in roles.all])
 
 
-def lead(
-    roles: Roles, sizes: str = AMPLITUDE, further: Sequence[Channel] = ()
-) -> tuple[Finding, ...]:
-    """What a file is, as what its columns were read, and which vary and were not.
+def lead(roles: Roles, sizes: str = AMPLITUDE) -> tuple[Finding, ...]:
+    """What a file is, and as what its columns were read.
 
     Args:
         roles: of its columns.
         sizes: role of the column of sizes.
-        further: columns that are used besides.
     """
     names = {"frequency": roles.frequency, **value_names(roles, sizes)}
     left_out = (replace(f, severity="note") for f in roles.left_out)
-    return read_note(roles, names), *left_out, *roles.recording.unused(*roles.all, *further)
+    return read_note(roles, names), *left_out
 
 
 def read_note(roles: Roles, names: Mapping[str, Channel | None]) -> Finding:

@@ -35,6 +35,8 @@ Numbers = FloatArray | ComplexArray
 
 #: Columns of a table of text: each is looked at, and more are a matrix that lies on its side.
 MOST_COLUMNS = 10_000
+#: Correlation of two columns, less than one by this, from which they are one quantity.
+SAME = 1e-8
 #: Columns that a note names.
 MOST_NAMED = 12
 #: What columns of standard errors are called.
@@ -67,11 +69,17 @@ class Channel:
     def varies(self) -> bool:
         """Whether it holds numbers that differ."""
         try:
-            values = (self.lenient or self.read)()
+            values = self.lenient_values
         except BadInput:  # a column of text
             return False
         values = values[np.isfinite(values)]
         return bool(np.any(values != values[:1]))
+
+    @property
+    def lenient_values(self) -> Numbers:
+        """Its values (n,), NaN where a cell is no number."""
+        values: Numbers = (self.lenient or self.read)()
+        return values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,6 +192,27 @@ class Recording:
             raise not_numbers(f"{self.path}: {place}, column '{channel.name}'", value, more)
         return values
 
+    def others(self, *taken: Channel | None) -> list[Channel]:
+        """Columns of numbers that vary and are not taken.
+
+        One that is a straight function of a column that is taken, as a distance from the middle of
+        a sweep, holds nothing else.
+
+        Args:
+            *taken: the columns that are; None of them none.
+        """
+        used = [channel for channel in taken if channel is not None]
+        names = {channel.name for channel in used}
+        rest = [c for c in self.channels if c.name not in names and c.varies]
+        known = [channel.lenient_values.real for channel in used] if rest else []
+        result = []
+        for channel in rest:
+            with np.errstate(all="ignore"):  # NaN of a column that is taken and does not vary
+                like = np.corrcoef([channel.lenient_values.real, *known])
+            if not known or not np.any(np.abs(like[0, 1:]) > 1.0 - SAME):
+                result.append(channel)
+        return result
+
     def unused(self, *taken: Channel | None, option: str = "") -> tuple[Finding, ...]:
         """A note that names columns that vary and are not taken; none where there are none.
 
@@ -191,8 +220,7 @@ class Recording:
             *taken: the others, None of it none.
             option: of a command that takes another column; empty: there is none.
         """
-        names = {channel.name for channel in taken if channel is not None}
-        rest = [c for c in self.channels if c.name not in names and c.varies]
+        rest = self.others(*taken)
         if not rest:
             return ()
         errors = tuple(
