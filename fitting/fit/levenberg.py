@@ -21,11 +21,11 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
-from fitting.fit.likelihood import Exhausted, Likelihood, LikelihoodEvaluator, Request, Sample
+from fitting.fit.likelihood import Exhausted, Request, Sample, Space
 from fitting.fit.objective import forward
 from fitting.signal.least_squares import damped_step
 from fitting.text.arrays import FloatArray
@@ -59,6 +59,26 @@ MOST_NUMBERS = 32_000_000
 Answer = TypeVar("Answer")
 #: What asks for evaluations and is told them, and what it comes to.
 Task = Generator[Request, list[Sample], Answer]
+
+
+class Evaluates(Protocol):
+    """Rows and outputs at search vectors of a space, in batches."""
+
+    @property
+    def space(self) -> Space:
+        """Where searches move."""
+        ...
+
+    def __call__(self, requests: Sequence[Request]) -> list[list[Sample]]:
+        """Samples for the requests of a round.
+
+        Args:
+            requests: one for each search.
+
+        Raises:
+            Exhausted: no more are allowed.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -155,12 +175,12 @@ class Descent:
 
 
 def expand(
-    evaluator: LikelihoodEvaluator, xs: Sequence[FloatArray], *, outputs: bool = True
+    evaluator: Evaluates, xs: Sequence[FloatArray], *, outputs: bool = True
 ) -> list[Expansion]:
     """Points with their slopes, in one batch; steps at which the model fails go the other way.
 
     Args:
-        evaluator: of the likelihood.
+        evaluator: of rows and outputs.
         xs: search vectors, (n,) each.
         outputs: whether derived outputs and their slopes are wanted.
 
@@ -168,11 +188,11 @@ def expand(
         Exhausted: the budget does not allow them.
         FmuFailure: the model failed at a dozen points and has answered at none.
     """
-    return _side_by_side(evaluator, [_expand(evaluator.likelihood, x, outputs) for x in xs])
+    return _side_by_side(evaluator, [_expand(evaluator.space, x, outputs) for x in xs])
 
 
 def minimise(
-    evaluator: LikelihoodEvaluator,
+    evaluator: Evaluates,
     begins: Sequence[Expansion],
     constraints: Sequence[Constraint] = (),
     goal: Goal = MINIMUM,
@@ -181,7 +201,7 @@ def minimise(
     """The nearest minima of chi square from several points, side by side.
 
     Args:
-        evaluator: of the likelihood; its limits bound every search.
+        evaluator: of rows and outputs; its space bounds every search.
         begins: where the searches begin, slopes may be those of a point nearby.
         constraints: one for each, or none at all.
         goal: when they may end.
@@ -196,13 +216,13 @@ def minimise(
     for first in range(0, len(begins), at_once):
         some = slice(first, first + at_once)
         pairs = zip(begins[some], constraints[some], strict=True)
-        tasks = [_descent(evaluator.likelihood, b, c, goal) for b, c in pairs]
+        tasks = [_descent(evaluator.space, b, c, goal) for b, c in pairs]
         ended += _side_by_side(evaluator, tasks, offsets[some])
     return ended
 
 
 def _side_by_side(
-    evaluator: LikelihoodEvaluator,
+    evaluator: Evaluates,
     tasks: Sequence[Task[Answer]],
     offsets: Sequence[FloatArray] = (),
 ) -> list[Answer]:
@@ -235,10 +255,10 @@ def _side_by_side(
 
 
 def _expand(
-    likelihood: Likelihood, x: FloatArray, outputs: bool, here: Sample | None = None
+    space: Space, x: FloatArray, outputs: bool, here: Sample | None = None
 ) -> Task[Expansion]:
     """A point with its slopes; `here` is what is known there."""
-    around = forward(x, likelihood.objective.steps, likelihood.upper)
+    around = forward(x, space.steps, space.upper)
     samples = [] if here is None else [here]
     samples += yield Request(around.nodes[len(samples) :], outputs=outputs)
     if np.all(np.isfinite(samples[0].rows)):
@@ -252,26 +272,24 @@ def _expand(
     return Expansion(samples[0], matrix, around.quotients([s.outputs for s in samples]))
 
 
-def _descent(
-    likelihood: Likelihood, here: Expansion, constraint: Constraint, goal: Goal
-) -> Task[Descent]:
+def _descent(space: Space, here: Expansion, constraint: Constraint, goal: Goal) -> Task[Descent]:
     """The nearest minimum under a constraint."""
     reads = constraint.output >= 0
     damping, hope, taken = LEAST_DAMPING, np.inf, 0
     is_stale = is_led = is_bent = False  # slopes wanted anew, taken on the way; the valley bends
     merits: list[float] = []
     try:
-        here, is_stale = yield from _project_to_constraint(likelihood, here, constraint)
+        here, is_stale = yield from _project_to_constraint(space, here, constraint)
         while np.isfinite(here.chi_square) and damping <= MOST_DAMPING:
             merit = constraint.merit(here.sample)
             if merit <= goal.enough:
                 return Descent(here, reached=True)
             if is_stale:
-                fresh = yield from _expand(likelihood, here.x, reads, here.sample)
+                fresh = yield from _expand(space, here.x, reads, here.sample)
                 if not np.isfinite(fresh.chi_square):
                     return Descent(here, reached=False)
                 here, is_led, is_stale = fresh, True, False
-            tangent = _Tangent(likelihood, here, constraint)
+            tangent = _Tangent(space, here, constraint)
             step, left = tangent.step(damping)
             promised = merit - left
             # the least that slopes of the point itself promised since steps were not held back
@@ -304,7 +322,7 @@ def _descent(
                 factor = 0.1 if share > BOLD else 0.5 if share > TIMID else 2.0
                 damping = max(factor * damping, LEAST_DAMPING)
                 merits.append(merit)
-                here = _broyden_update(likelihood, here, sample)
+                here = _broyden_update(space, here, sample)
                 # as many updates as there are slopes to take cost as much as these
                 is_trusted = gain > max(TRUSTED * promised, promised - 1.0)
                 is_stale = is_bent or not is_trusted or here.age >= here.x.size
@@ -320,7 +338,7 @@ def _descent(
 
 
 def _project_to_constraint(
-    likelihood: Likelihood, here: Expansion, constraint: Constraint
+    space: Space, here: Expansion, constraint: Constraint
 ) -> Task[tuple[Expansion, bool]]:
     """A held parameter at its value, the others following, whatever that costs.
 
@@ -329,7 +347,7 @@ def _project_to_constraint(
     is_there = constraint.index < 0 or here.x[constraint.index] == constraint.target
     if is_there or not np.isfinite(here.chi_square):
         return here, False
-    tangent, damping = _Tangent(likelihood, here, constraint), LEAST_DAMPING
+    tangent, damping = _Tangent(space, here, constraint), LEAST_DAMPING
     while True:
         step, left = tangent.step(damping)
         [sample] = yield Request((here.x + step,), outputs=False)
@@ -338,16 +356,16 @@ def _project_to_constraint(
             break
         damping *= GROWTH**2
     is_straight = damping == LEAST_DAMPING and merit < left + 1.0
-    return _broyden_update(likelihood, here, sample), not is_straight
+    return _broyden_update(space, here, sample), not is_straight
 
 
-def _broyden_update(likelihood: Likelihood, here: Expansion, sample: Sample) -> Expansion:
+def _broyden_update(space: Space, here: Expansion, sample: Sample) -> Expansion:
     """The expansion after a step: B' = B + (dr - B dx) dx^T W/(dx^T W dx).
 
     W are the inverse squares of the widths of the box.
     """
     way = sample.x - here.x
-    weighted = way / likelihood.widths**2
+    weighted = way / space.widths**2
     along = weighted / max(float(way @ weighted), 1e-300)
     matrix = here.matrix + np.outer(sample.rows - here.sample.rows - here.matrix @ way, along)
     outward = here.outward
@@ -371,8 +389,8 @@ def _is_out_of_reach(merits: Sequence[float], taken: int, goal: Goal) -> bool:
 class _Tangent:
     """Rows and slopes at a point, in widths of the box, with the row that holds an output."""
 
-    def __init__(self, likelihood: Likelihood, here: Expansion, constraint: Constraint) -> None:
-        self.constraint, self.x, self.widths = constraint, here.x, likelihood.widths
+    def __init__(self, space: Space, here: Expansion, constraint: Constraint) -> None:
+        self.constraint, self.x, self.widths = constraint, here.x, space.widths
         self.rows, self.matrix = self._rows_of(here.sample), here.matrix * self.widths
         if constraint.output >= 0:
             slope = np.nan_to_num(here.outward[constraint.output], posinf=0.0, neginf=0.0)
@@ -384,9 +402,9 @@ class _Tangent:
             k = constraint.index
             self.free[k], self.fixed[k] = False, (constraint.target - self.x[k]) / self.widths[k]
         # no step is longer than the box, nor than a quarter of a period
-        longest = np.minimum(self.widths, 0.25 * likelihood.periods)
-        self.low = np.maximum(likelihood.lower - self.x, -longest) / self.widths
-        self.high = np.minimum(likelihood.upper - self.x, longest) / self.widths
+        longest = np.minimum(self.widths, 0.25 * space.periods)
+        self.low = np.maximum(space.lower - self.x, -longest) / self.widths
+        self.high = np.minimum(space.upper - self.x, longest) / self.widths
 
     def _rows_of(self, sample: Sample) -> FloatArray:
         """The rows of a sample, that of a held output last."""

@@ -68,6 +68,20 @@ class Sample:
     outputs: FloatArray
 
 
+@dataclass(frozen=True)
+class Space:
+    """Where a search moves, (n,) each: `steps` of differences, bounds, `widths`, and `periods`.
+
+    A parameter that goes round has infinite bounds, every other one an infinite period.
+    """
+
+    steps: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    widths: FloatArray
+    periods: FloatArray
+
+
 @dataclass(frozen=True, kw_only=True)
 class Likelihood:
     """Whitened rows of an objective, with the box in which they are looked at.
@@ -109,6 +123,12 @@ class Likelihood:
         """Width of the box in x, (n,), at most a period."""
         lower, upper = search_bounds(self.parameters)
         return np.asarray(np.minimum(upper - lower, self.periods))
+
+    @property
+    def space(self) -> Space:
+        """Where searches move."""
+        steps = self.objective.steps
+        return Space(steps, self.lower, self.upper, self.widths, self.periods)
 
     @property
     def stated(self) -> Likelihood:
@@ -228,6 +248,11 @@ class LikelihoodEvaluator:
         self.evaluations = self.derived = self.runs = self.failures = self.answered = 0
         self.failure = ""
         self.cuts = 0
+
+    @property
+    def space(self) -> Space:
+        """Where searches move."""
+        return self.likelihood.space
 
     def begin(self, stage: str) -> None:
         """What is evaluated from here on belongs to another stage.

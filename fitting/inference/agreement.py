@@ -33,8 +33,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from types import SimpleNamespace
-from typing import cast
 
 import numpy as np
 
@@ -43,7 +41,7 @@ from fitting.campaign.parameters import drift_square, inverse_priors, prior_sigm
 from fitting.fit.covariance import RowCovariance
 from fitting.fit.fit import Solution
 from fitting.fit.levenberg import Expansion, Goal, minimise
-from fitting.fit.likelihood import LikelihoodEvaluator, Request, Sample
+from fitting.fit.likelihood import Request, Sample, Space
 from fitting.fit.linearisation import DETERMINED, Linearisation, Minimum, joined
 from fitting.fit.noise import noise_of
 from fitting.fit.objective import evaluate_many, forward
@@ -337,8 +335,9 @@ LEAST_SCATTER = 1e-5
 #: Damping of a linearised step, and precision (over that of the bounds) from which it follows a
 #: direction.
 GENTLE, LEAST_PRECISION = 1e-6, 1.0
-#: Searches: chi square that is worth a step, and logarithms of factors at most.
-PROMISE, LONGEST = 0.1, 7.0
+#: Searches: chi square that is worth a step; of logarithms of factors the most, and a step of
+#: differences.
+PROMISE, LONGEST, LOG_STEP = 0.1, 7.0, 1e-6
 #: More parameters than this are not searched again: drift offsets of a long series.
 MOST_PARAMETERS = 24
 
@@ -428,7 +427,6 @@ class _Both:
         own = RowCovariance(noise.sigma[self.peaks], common[:, np.newaxis])
         self.covariance = own.loosened(noise.bounded.restricted(self.peaks))
         low, high = search_bounds(parameters)
-        self.upper = high
         self.bounds = np.append(low, [-LONGEST] * 2), np.append(high, [LONGEST] * 2)
         self.units = np.append(prior_sigmas(parameters), [1.0, 1.0])
         self.inverse_prior = inverse_priors(parameters)
@@ -438,14 +436,9 @@ class _Both:
         self.freedom = math.inf if sweep.known else top.freedom
         self.start = np.append(solution.final.x, [0.0, 0.0])
         self._known: dict[tuple[str, bytes], FloatArray] = {}
-        steps = np.append(solution.objective.steps, [1e-6, 1e-6])
-        self.likelihood = SimpleNamespace(
-            objective=SimpleNamespace(steps=steps),
-            lower=self.bounds[0],
-            upper=self.bounds[1],
-            widths=self.units,
-            periods=np.full(self.units.size, np.inf),
-        )
+        steps = np.append(solution.objective.steps, [LOG_STEP] * 2)
+        endless = np.full(self.units.size, np.inf)
+        self.space = Space(steps, *self.bounds, self.units, endless)
         self.parts = ""
 
     def agreement(self) -> SweepAgreement | None:
@@ -541,12 +534,13 @@ class _Both:
         """The lowest end of searches from some points."""
         self.parts = parts
         begins = [self._at(parts, np.clip(start, *self.bounds)) for start in starts]
-        ends = minimise(cast(LikelihoodEvaluator, self), begins, goal=Goal(promise=PROMISE))
+        ends = minimise(self, begins, goal=Goal(promise=PROMISE))
         return min((self._at(parts, end.end.x) for end in ends), key=attrgetter("chi_square"))
 
     def __call__(self, requests: Sequence[Request]) -> list[list[Sample]]:
         """Rows of the present parts for the requests of a round, in one batch."""
-        self._values(self.parts[-1], [y[:-2] for request in requests for y in request.xs])
+        part = "T" if "T" in self.parts else "S"
+        self._values(part, [y[:-2] for request in requests for y in request.xs])
         nothing = np.empty(0)
         return [[Sample(y, self._rows(self.parts, y), nothing) for y in r.xs] for r in requests]
 
@@ -559,7 +553,7 @@ class _Both:
         return float(left @ left)
 
     def _at(self, parts: str, y: FloatArray) -> Expansion:
-        around = forward(y, self.likelihood.objective.steps, self.bounds[1])
+        around = forward(y, self.space.steps, self.bounds[1])
         self._values("T" if "T" in parts else "S", [node[:-2] for node in around.nodes])
         rows = [self._rows(parts, node) for node in around.nodes]
         sample = Sample(x=y, rows=rows[0], outputs=np.empty(0))
@@ -580,7 +574,6 @@ class _Both:
 
     def _values(self, part: str, xs: Sequence[FloatArray]) -> list[FloatArray]:
         """Relative rows of the peaks (S), or A/max L of the sweep (T), at each x; remembered."""
-        part = "T" if part != "S" else "S"
         new = {x.tobytes(): x for x in xs if (part, x.tobytes()) not in self._known}
         if new:
             points = evaluate_many(self.solution.objective, [*new.values()], whole=part == "T")
