@@ -35,7 +35,7 @@ import numpy.typing as npt
 from fitting.campaign.parameters import Parameter, search_bounds, starts, to_model, to_search
 from fitting.measurements.dataset import Dataset
 from fitting.measurements.measurement import Evaluation, ReadingResponse, Response, Values
-from fitting.text.arrays import FloatArray
+from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import FmuFailure, NoAnswer, NoScale
 
 #: Of the values at two nodes, by their places, the minuend first; and its weight in a derivative.
@@ -100,7 +100,13 @@ class Stencil:
         return Stencil(tuple(nodes), self.along)
 
 
-def central(x: FloatArray, steps: npt.ArrayLike, lower: FloatArray, upper: FloatArray) -> Stencil:
+def central(
+    x: FloatArray,
+    steps: npt.ArrayLike,
+    lower: FloatArray,
+    upper: FloatArray,
+    one_sided: BoolArray | None = None,
+) -> Stencil:
     """Central differences about x; inward where the box has no room for a step to both sides.
 
     (f(x + h) - f(x - h))/(2 h), two nodes along an axis, above and below in turn. Where a side has
@@ -112,12 +118,17 @@ def central(x: FloatArray, steps: npt.ArrayLike, lower: FloatArray, upper: Float
         steps: half the distance of the nodes along each axis, in units of x, (n,) or one for all.
         lower: bounds of the box, shape (n,).
         upper: likewise.
+        one_sided: axes (n,) along which a forward difference from x, then the first node, is
+            enough; None: none.
     """
-    nodes: list[FloatArray] = []
+    forward_only = np.zeros(x.size, dtype=bool) if one_sided is None else one_sided
+    nodes: list[FloatArray] = [x] if np.any(forward_only) else []
     along: list[tuple[Quotient, ...]] = []
     for i, step in enumerate(np.broadcast_to(steps, x.shape)):
         down, up, first = x[i] - lower[i], upper[i] - x[i], len(nodes)
-        if min(up, down) >= step or max(up, down) < 2.0 * step:
+        if forward_only[i]:
+            shifts, parts = [step if up >= step else -step], [(first, 0, 1.0)]
+        elif min(up, down) >= step or max(up, down) < 2.0 * step:
             shifts, parts = [step, -step], [(first, first + 1, 1.0)]
         else:
             inward = step if up > down else -step

@@ -139,14 +139,16 @@ def with_central_slopes(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Opt
 
     Along directions that the data hardly constrain errors are large, and so is what an error of a
     slope along them does to the error of a value that is constant there. Forward differences, which
-    are enough to descend by, have errors of the step, these of its square.
+    are enough to descend by, have errors of the step, these of its square. Values of single
+    experiments, of which there may be many, have a prior that constrains them.
 
     Args:
         evaluator: of the likelihood of the optimum.
         optimum: the most likely point.
     """
     likelihood, here = optimum.likelihood, optimum.expansion
-    around = central(here.x, likelihood.objective.steps, likelihood.lower, likelihood.upper)
+    steps, own = likelihood.objective.steps, [bool(p.experiments) for p in likelihood.parameters]
+    around = central(here.x, steps, likelihood.lower, likelihood.upper, np.array(own))
     try:
         [nodes] = evaluator([Request(around.nodes)])
         if not all(np.all(np.isfinite(node.rows)) for node in nodes):

@@ -113,7 +113,7 @@ def test_maps_go_by_the_controls_that_repeat(problem: ff.Problem) -> None:
     assert not any(line.get_visible() for line in axes.get_xgridlines() + axes.get_ygridlines())
 
 
-@pytest.mark.parametrize("budget", [1500, pytest.param(2400, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("budget", [1100, pytest.param(900, marks=pytest.mark.nightly)])
 def test_a_search_that_was_cut_does_not_hide_that_nothing_sees_the_coupling(
     problem: ff.Problem, budget: int
 ) -> None:

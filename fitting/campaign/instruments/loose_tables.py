@@ -136,6 +136,17 @@ def find_table(
         columns, head = _given_head(path, above, delimiter, count, header_row)
     else:
         columns, head = _head(path, above, delimiter, count)
+    for n, line in above:  # a row of numbers below the names is one of the table
+        cells = cells_of(line, delimiter)
+        if (
+            n > head > 0
+            and len(cells) > 1
+            and all(is_number(c) or c.lower() in _NONE for c in cells)
+        ):
+            raise BadInput(
+                f"{path}: row {n} has {how_many(len(cells), 'cell')}, the header {count}: found "
+                f"{shown(line)}"
+            )
     table = Table(
         path=path,
         columns=with_units(columns, [t for _, t in above], delimiter),
