@@ -525,7 +525,9 @@ class _Planner:
             effect = self._effect(settings, reduction, after, closes) if stated else None
             is_off = effect is not None and effect[1] > left and not self._is_too_long(settings)
             part = 0.0 if forced or is_off else self._part(settings, reduced, reduction, after)
-            if part > (1.0 if closes else CHEAPER):  # what does not pay is not examined
+            # what does not pay is not examined; an exact start is taken unless it is dearer, which
+            # is asked by the same margin: equal costs would be decided by chance
+            if part > (1.0 / CHEAPER if closes else CHEAPER):
                 return decision
             basis, bound, numbers = effect or self._effect(settings, reduction, after, closes)
         except FmuFailure as error:
