@@ -18,17 +18,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Annotated, Generic, TypeVar
 
 from fitting.fmu.description import INTEGRATOR_TOLERANCE, READERS, FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
-from fitting.text.schema import Keys, Positive, Refused, Switch, Text, Texts
+from fitting.text.schema import Keys, OneOf, Positive, Refused, Switch, Text, Texts
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 TOOL = "fmu-fit"
+#: What a step of the FMU's own between whose ends it stands still is taken for.
+ERROR, MODEL = OWN_STEPS = ("error", "model")
 #: A start value as it is written, or as the FMU takes it.
 Setting = TypeVar("Setting", covariant=True)
 PLACES = (
@@ -74,6 +76,9 @@ class AccuracyNames(Keys):
     """Names of reductions to take, whatever they cost."""
     forbid: Texts = ()
     """Names of reductions not to take."""
+    own_step: Annotated[Text, OneOf(OWN_STEPS)] = ERROR
+    """(trace) What a step of the FMU's own adds to errors: that of Euler's method ("error"), or
+    nothing, as the FMU with its step is the "model"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +87,7 @@ class AccuracyAnnotation(AccuracyNames):
 
     `tolerance` and `substep` name the parameters that bound its solver's relative error and its
     substep (s); `full` are start values of the model with nothing left out; `force` and `forbid`
-    name reductions.
+    name reductions; `own_step`, of OWN_STEPS, is what a step of its own is taken for.
 
     Raises:
         BadInput: a name in `force` or `forbid` that is none of the reductions (where there are

@@ -66,10 +66,10 @@ class StepPlan:
 
     ``change`` was observed when they were halved, ``runs`` is what that took; ``own_s`` is a step
     of the FMU's own that the samples do not fit (0: none, or they do), ``internal_step_s`` one
-    between whose ends its output was observed not to change, ``shifted``: which shifts an
-    oscillation in time. ``few``: at which samples the response to a pulse is simulated, where all
-    follow from them to ``tolerance``, which is checked in every evaluation, and to ``few_error``
-    in the survey; None: at all of them.
+    between whose ends its output was observed not to change, ``is_model``: which is declared to
+    belong to the model, ``shifted``: which shifts an oscillation in time. ``few``: at which samples
+    the response to a pulse is simulated, where all follow from them to ``tolerance``, which is
+    checked in every evaluation, and to ``few_error`` in the survey; None: at all of them.
     """
 
     label: str
@@ -80,6 +80,7 @@ class StepPlan:
     runs: int = 0
     own_s: float = 0.0
     internal_step_s: float = 0.0
+    is_model: bool = False
     shifted: bool = False
     few: FewSamples | None = None
     tolerance: float = 0.0
@@ -215,6 +216,8 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
     # the longest step between whose ends the FMU was seen to stand still
     if internal_step_s := max(plan.internal_step_s for plan in plans):
         numbers["stands_s"] = internal_step_s
+        if any(plan.is_model for plan in plans):
+            numbers["is_model"] = True
         if any(plan.shifted for plan in plans):
             numbers["shifted"] = True
     # of how many samples decays are simulated, the most, and how many follow

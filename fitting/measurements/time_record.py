@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from fitting.fmu.accuracy import MODEL
 from fitting.fmu.description import INTEGRATOR_TOLERANCE, USUAL_TOLERANCE
 from fitting.fmu.runs import SampledSignal, Segment
 from fitting.measurements.driven_model import DrivenModel
@@ -413,9 +414,14 @@ class Survey:
         if not steps.internal_step_s and steps.bound <= max(before.bound, share * left):
             return plan
         longest = max(before.internal_step_s, steps.internal_step_s)
-        shifted = before.shifted or steps.shifted
         return plan.with_steps(
-            replace(before, bound=steps.bound, internal_step_s=longest, shifted=shifted)
+            replace(
+                before,
+                bound=steps.bound,
+                internal_step_s=longest,
+                is_model=steps.is_model,
+                shifted=before.shifted or steps.shifted,
+            )
         )
 
     def _integrated(self, points: Sequence[FloatArray], steps: StepPlan) -> StepPlan:
@@ -511,6 +517,8 @@ class Survey:
             values: start values of the FMU.
             steps: between which it stands still.
         """
+        if self.kind.setup.annotation.own_step == MODEL:
+            return replace(steps, is_model=True)
         fine = max(1, math.ceil((1.0 - UNEVEN) * steps.spacing_s / steps.internal_step_s))
         look = self.trace.look(fine, MOST_STEPS)
         if look is None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.fmu.accuracy import AccuracyAnnotation
 from fitting.simulate.budget import Decision, Kind
 from fitting.simulate.words import decision_in_words
 from fitting.text.arrays import FloatArray
@@ -74,6 +75,31 @@ def test_steps_that_nothing_shortens_widen_the_errors_to_the_truth(
     for name, true in (("tau", TAU), ("gain", GAIN)):
         low, high = fit[name].interval()
         assert low <= true <= high
+
+
+@pytest.mark.parametrize("step_s", [0.05, pytest.param(0.01, marks=pytest.mark.nightly)])
+def test_steps_that_are_the_model_widen_nothing(tmp_path: Path, step_s: float) -> None:
+    """Data of Euler's difference equation: its parameters, with the errors of the noise alone."""
+    noise = SIGMA * np.random.default_rng(2).standard_normal(T.size)
+    setup = ff.Setup(
+        ff.Drive(), "y", accuracy=1e-3, annotation=AccuracyAnnotation(own_step="model")
+    )
+    y = euler(step_s, TAU) + noise
+    trace = ff.Trace(T, y, setup=setup, input="u", driven=(T, U), interpolation="held")
+    with ff.Fmu(build_euler_lag_fmu(tmp_path, step_s), workers=1) as fmu:
+        fit = ff.fit(ff.Problem(fmu, PARAMETERS, trace), method=QUICK, starts=1)
+    assert fit.result.plan is not None
+    [decision] = [d for d in fit.result.plan.decisions if d.kind == Kind.STEP]
+    assert decision.numbers["stands_s"] == pytest.approx(step_s, rel=0.02)
+    assert "belong to the model" in decision_in_words(decision)
+    assert decision.bound < 1e-12
+    slopes = np.stack(
+        [(euler(step_s, TAU + 1e-6) - euler(step_s, TAU - 1e-6)) / 2e-6, euler(step_s, TAU) / GAIN]
+    )
+    least = SIGMA * np.sqrt(np.diag(np.linalg.inv(slopes @ slopes.T)))
+    for k, (name, true) in enumerate((("tau", TAU), ("gain", GAIN))):
+        assert abs(fit[name].value - true) < 4.0 * fit[name].std
+        assert fit[name].std == pytest.approx(least[k], rel=0.2)
 
 
 @pytest.mark.parametrize("step_s", [0.05, pytest.param(0.002, marks=pytest.mark.nightly)])
