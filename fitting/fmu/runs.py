@@ -158,7 +158,9 @@ class Run:
     ``handling``: how an instance is handled, where that is what is asked; None: as suits.
 
     No communication step is longer than ``longest_step_s`` (0: as long as samples are apart), which
-    is for FMUs that take one step of their solver in each; with a signal its steps are all.
+    is for FMUs that take one step of their solver in each; with a signal its steps are all. Samples
+    are read ``delay_steps`` of them after their times, besides those that the FMU's user states:
+    for outputs that come so late.
 
     ``segments`` go on from the last sample without a new start, so that a tone that is ``moved``
     keeps its phase and the state its branch; their samples follow in the result.
@@ -180,6 +182,7 @@ class Run:
     segments: tuple[Segment, ...] = ()
     handling: Handling | None = None
     longest_step_s: float = 0.0
+    delay_steps: int = 0
 
     @property
     def rows(self) -> int:
@@ -440,7 +443,7 @@ class RunRequests:
             sampled=signal if isinstance(signal, SampledSignal) else None,
             handled=handled,
             longest_step_s=run.longest_step_s,
-            delay_steps=self._description.output_delay_steps,
+            delay_steps=self._description.output_delay_steps + run.delay_steps,
         )
 
     def _add(self, key: _Key, start_values: Mapping[str, Scalar]) -> int:

@@ -69,7 +69,8 @@ class StepPlan:
     between whose ends its output was observed not to change, ``is_model``: which is declared to
     belong to the model, ``shifted``: which shifts an oscillation in time. ``few``: at which samples
     the response to a pulse is simulated, where all follow from them to ``tolerance``, which is
-    checked in every evaluation, and to ``few_error`` in the survey; None: at all of them.
+    checked in every evaluation, and to ``few_error`` in the survey; None: at all of them. Outputs
+    come ``delay_steps`` steps late and are read so much later.
     """
 
     label: str
@@ -86,6 +87,7 @@ class StepPlan:
     tolerance: float = 0.0
     few_error: float = 0.0
     extrapolated: bool = False
+    delay_steps: int = 0
 
     @property
     def step_s(self) -> float:
@@ -213,6 +215,8 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
     }
     if pairs := sum(plan.extrapolated for plan in plans):
         numbers["extrapolated"] = pairs
+    if any(plan.delay_steps for plan in plans):
+        numbers["late"] = True
     # the longest step between whose ends the FMU was seen to stand still
     if internal_step_s := max(plan.internal_step_s for plan in plans):
         numbers["stands_s"] = internal_step_s

@@ -5,13 +5,13 @@ The response to a pulse is a run of the FMU at all samples, or at few from which
 The survey plans a record's communication step and examines an unknown start. It serves every kind
 of record whose runs begin with it: samples of an output, or what a demodulator makes of them.
 
-`late_by_s`: whether an FMU hands over its output one communication step late.
+`is_late`: whether an FMU hands over its output one communication step late.
 The commonest mistake of hand-written slaves: an output of the beginning of a step is returned at
 its end, y_h(t) = q(t - h). With half the step it is y_(h/2)(t) = q(t - h/2), so that
 
     y_h(t) = y_(h/2)(t - h/2)
 
-at every t, which no integration error does.
+at every t, which no integration error does. Such an output is read one step later.
 """
 
 from __future__ import annotations
@@ -354,6 +354,7 @@ class Survey:
     model: DrivenModel
     workers: Workers
     batch: Batch = field(default_factory=Batch)
+    delay_steps: int = 0
 
     @property
     def output(self) -> str:
@@ -377,6 +378,8 @@ class Survey:
         kept = self._that_run(points, count)
         left = plan.budget.remaining() if plan.budget is not None else self.kind.setup.accuracy
         left /= trace.value_share  # steps are compared by the largest value, the budget by rows
+        if not self.delay_steps and self._is_late(points[0], count, left):
+            return replace(self, delay_steps=1).planned(points)
         runs = partial(self._simulated, kept)
         steps = planned_steps(first, runs, left, trace.run_samples)
         steps = self._integrated(kept, self._refined(kept, steps, left))
@@ -396,6 +399,8 @@ class Survey:
         before = plan.step_plan(self.kind.key(self.trace))
         if before is None or plan.budget is None:
             return plan
+        if before.delay_steps != self.delay_steps:
+            return replace(self, delay_steps=before.delay_steps).reviewed(p)
         share = self.trace.value_share
         left = plan.budget.remaining(Decided.STEP) / share
         runs = partial(self._simulated, [p])
@@ -471,12 +476,12 @@ class Survey:
         values = self.kind.start_values(self.model, trace, points[0])
         output = self.output
         requested = [
-            batch.ask(values, look.closer, look.hold_signal, output),
-            batch.ask(values, look.window, look.signal, output),
+            self._ask(values, look.closer, look.hold_signal),
+            self._ask(values, look.window, look.signal),
         ]
         half = trace.look(fine // 2, REFINED_STEPS // 2) if steps.extrapolated else None
         if half is not None:
-            requested.append(batch.ask(values, half.window, half.signal, output))
+            requested.append(self._ask(values, half.window, half.signal))
         try:
             batch.simulate(self.workers)
         except NoAnswer:
@@ -523,7 +528,7 @@ class Survey:
         look = self.trace.look(fine, MOST_STEPS)
         if look is None:
             return steps
-        run = self.batch.ask(values, look.closer, look.hold_signal, self.output)
+        run = self._ask(values, look.closer, look.hold_signal)
         self.batch.simulate(self.workers)
         count = steps.step_s / steps.internal_step_s
         late = abs(count - round(count)) > UNEVEN * count
@@ -603,7 +608,13 @@ class Survey:
             spacing_s=self.trace.run_step_s,
             per_sample=per_sample,
             bound=0.0,
+            delay_steps=self.delay_steps,
         )
+
+    def _ask(self, values: Mapping[str, Scalar], window: Window, signal: SampledSignal) -> int:
+        """Number of a run whose outputs are read as late as they come."""
+        late = replace(window, delay_steps=self.delay_steps)
+        return self.batch.ask(values, late, signal, self.output)
 
     def _with(self, steps: StepPlan) -> DrivenModel:
         """The model with these steps of the trace."""
@@ -622,6 +633,31 @@ class Survey:
             [batch.samples(runs.driven, output) for runs in requested if runs.driven is not None],
             [batch.samples(run, output) for run in others],
         )
+
+    def _is_late(self, p: FloatArray, per_sample: int, left: float) -> bool:
+        """Whether the output under the input comes one communication step late.
+
+        Looked at where half a step changes more than is left.
+
+        Args:
+            p: parameters (n,) that the FMU takes.
+            per_sample: steps between two samples.
+            left: accuracy that is still to be had.
+        """
+        looks = [self.trace.look(fine) for fine in (per_sample, 2 * per_sample)]
+        values = self.kind.start_values(self.model, self.trace, p)
+        try:
+            whole, halves = (self._simulated([p], per_sample * k) for k in (1, 2))
+            if whole.then(halves).changed <= left or self.model.integrated:
+                return False
+            runs = [self._ask(values, each.closer, each.hold_signal) for each in looks if each]
+            self.batch.simulate(self.workers)
+        except NoAnswer:
+            raise
+        except FmuFailure:  # it refuses such steps
+            self.batch.forget()
+            return False
+        return bool(runs) and is_late(*(self.batch.samples(run, self.output) for run in runs))
 
     def _that_run(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
         """The points that the FMU takes, the first in any case: it may refuse a part of the box."""
@@ -805,40 +841,6 @@ class Traces(Together[TimeRecord]):
 #: Difference of the two runs at equal times, over the largest value, from which they are compared,
 #: and the share of it that is left at shifted times, at most.
 MOVED, STAYED = 1e-4, 0.05
-
-
-def late_by_s(
-    kind: Traces, trace: TimeRecord, model: DrivenModel, p: FloatArray, workers: Workers
-) -> float:
-    """The communication step by which the output of a driven trace is late, s; 0: it is not.
-
-    Two runs, only of a trace for which the plan had to shorten its steps.
-
-    Args:
-        kind: the traces.
-        trace: one of them.
-        model: the FMU as their series drives it.
-        p: parameters (n,), each in its own unit.
-        workers: of the FMU.
-
-    Raises:
-        NoAnswer: the FMU does not answer any more.
-    """
-    steps = model.plan.step_plan(kind.key(trace))
-    looks = [trace.look(fine) for fine in (1, 2)]
-    if steps is None or steps.per_sample == 1 or looks[0] is None or looks[1] is None:
-        return 0.0
-    values = model.whole.values(p, trace.label or None, trace.settings)
-    batch, output = Batch(), kind.output_of(trace)
-    runs = [batch.ask(values, look.closer, look.hold_signal, output) for look in looks if look]
-    try:
-        batch.simulate(workers)
-    except NoAnswer:
-        raise
-    except FmuFailure:  # it refuses such steps
-        return 0.0
-    late = is_late(*(batch.samples(run, output) for run in runs))
-    return looks[0].closer.step_s if late else 0.0
 
 
 def is_late(whole: FloatArray, halves: FloatArray) -> bool:

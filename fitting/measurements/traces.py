@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, partial
 from typing import Annotated, ClassVar
 
@@ -379,10 +379,12 @@ class Trace(TimeRecord):
         driven = decay = coarse = None
         steps = 1 if plan is None else plan.per_sample
         if self.is_driven:
-            driven = batch.ask(values, self.window(), self.signal(steps), output, owner)
+            # a late response to a pulse is one of another start, which is unknown anyway
+            window = replace(self.window(), delay_steps=plan.delay_steps if plan else 0)
+            driven = batch.ask(values, window, self.signal(steps), output, owner)
             if plan is not None and plan.extrapolated:
                 half = self.signal(steps // 2)
-                coarse = batch.ask(values, self.window(), half, output, owner)
+                coarse = batch.ask(values, window, half, output, owner)
         if self.start == UNKNOWN:
             decay = ask_decay(self, values, plan, batch, output, owner)
         return RequestedRuns(driven=driven, decay=decay, coarse=coarse)

@@ -20,7 +20,7 @@ from fitting.inference.likelihood.knowledge import Inferred
 from fitting.measurements.fmu_response import FmuResponse
 from fitting.measurements.plan import Plan
 from fitting.measurements.sweep import Sweep
-from fitting.measurements.time_record import Traces, late_by_s
+from fitting.measurements.time_record import Traces
 from fitting.result.provenance import provenance_of
 from fitting.result.result import (
     Cost,
@@ -233,12 +233,13 @@ def result_through(
         numbers, kind = {"error": misfit}, Kind.not_periodic
         further.append(Finding(kind=kind, severity="warning", subject="samples", numbers=numbers))
     further += _of_plans(plans)
-    # the commonest mistake of hand-written FMUs; shorter steps were simulated for it
+    # the commonest mistake of hand-written FMUs
     for m in (m for m in response.measurements if isinstance(m, Traces)):
         for trace in m.traces:
-            step_s = late_by_s(m, trace, response.models[m.series], p, workers)
-            if step_s:
-                further.append(warning(Kind.output_late, m.output_of(trace), None, step_s=step_s))
+            steps = response.models[m.series].plan.step_plan(m.key(trace))
+            if steps is not None and steps.delay_steps:
+                numbers = {"step_s": steps.step_s}
+                further.append(warning(Kind.output_late, m.output_of(trace), None, **numbers))
     # the equations of the FMU could be integrated here, where its own solver does not do
     other, description = INTERFACES[1], workers.description
     short = any(plan.budget is not None and not plan.budget.kept for plan in plans)

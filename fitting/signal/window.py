@@ -48,7 +48,8 @@ class Window:
     makes itself. `condition` is that of the tone fit where the window is not coherent, else 1.
     `mixture_bins` are Fourier bins of lines that the response may hold besides the tones, and
     `mixtures` the number of these lines; without whole periods they are fitted with the tones,
-    `expected_hz`. `longest_s` is the longest communication step (0: any), s.
+    `expected_hz`. `longest_s` is the longest communication step (0: any), s; outputs are read
+    `delay_steps` communication steps after their time, by which they come late.
 
     Raises:
         ValueError: too few samples for the tones, or times that are not positive.
@@ -65,6 +66,7 @@ class Window:
     mixtures: int = 0
     expected_hz: tuple[float, ...] = ()
     longest_s: float = 0.0
+    delay_steps: int = 0
 
     def __post_init__(self) -> None:
         if self.samples < 2 * len(self.tones_hz) + 1:

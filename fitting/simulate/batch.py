@@ -65,7 +65,7 @@ class Variation:
     def key(self) -> tuple[object, ...]:
         """What distinguishes it from others."""
         w = self.window
-        times = (w.settle_s, w.step_s, w.samples, w.longest_s)
+        times = (w.settle_s, w.step_s, w.samples, w.longest_s, w.delay_steps)
         return (*self.values.items(), *times, self.signal, self.moved, self.segments)
 
 
@@ -174,6 +174,7 @@ class Batch:
                 initial=self._initial.get(k, ()),
                 input_signal=own.signal,
                 longest_step_s=own.window.longest_s,
+                delay_steps=own.window.delay_steps,
                 moved=own.moved,
                 segments=own.segments,
             )
