@@ -188,9 +188,11 @@ def warnings_of(urgent: Iterable[Finding], names: Iterable[str]) -> tuple[str, .
 
 
 def _with_signs(text: str, names: Iterable[str]) -> str:
-    """A sentence with the symbols of values in place of their names."""
+    """A sentence with the symbols of values in place of their names, squares as squares."""
     for name in sorted(names, key=len, reverse=True):
-        text = re.sub(rf"(?<![\w.]){re.escape(name)}(?![\w.]*\w)", sign(name), text)
+        named = rf"(?<![\w.]){re.escape(name)}(?![\w.]*\w)"
+        text = re.sub(rf"{named}\^2\b", f"{sign(name)}²", text)
+        text = re.sub(named, sign(name), text)
     return text
 
 

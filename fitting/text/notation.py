@@ -104,7 +104,7 @@ def sign(name: str) -> str:
 
 
 def signs_words(names: Iterable[str]) -> str:
-    """What the signs in figures mean: "In figures η₊ is eta_plus."; empty where all are plain.
+    """How signs are written in files: "In files and commands η₊ is eta_plus."; empty: all are plain.
 
     Args:
         names: of the quantities.
@@ -114,7 +114,7 @@ def signs_words(names: Iterable[str]) -> str:
         parts = symbol(name)
         if parts is not None and not name.startswith(parts[0] + parts[1]):
             pairs.append(f"{sign(name)} is {name}")
-    return f"In figures {listed(pairs)}." if pairs else ""
+    return f"In files and commands {listed(pairs)}." if pairs else ""
 
 
 def index(text: str) -> str:

@@ -16,6 +16,7 @@ from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.sweep import response_panel
 from fitting.report.figures.data import PLACES
 from fitting.report.figures.style import (
+    BAND,
     GREY,
     MEASURED,
     SIMULATED,
@@ -145,13 +146,15 @@ def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) 
         axes.axvline(along_x(place), color=GREY, alpha=0.4, linewidth=0.8, zorder=0)
     if np.isfinite(shown.level):
         axes.axhline(along_y(shown.level), color=GREY, linewidth=0.8, zorder=1)
+        if shown.y.unit == "σ":  # within it 95 of 100 residuals that are noise
+            axes.axhspan(along_y(-2.0), along_y(2.0), color=GREY, alpha=BAND, linewidth=0, zorder=0)
     for layer in shown.layers:
         if layer.form is Form.MAP:
             _map(axes, layer, scales, shown.z or Axis(""))
         elif shown.z is not None and layer.form is Form.POINTS:
             _marks(axes, layer, scales)
         else:
-            _LOOKS[layer.form](axes, layer, scales, shown.shape)
+            _LOOKS[layer.form](axes, layer, scales, shown)
     if shown.joined:
         _join(axes, shown, scales)
     if shown.notes:
@@ -216,22 +219,28 @@ def _colour(layer: Layer) -> str:
     }[layer.role]
 
 
-def _points(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
-    """Small dots, with bars where standard deviations are known."""
+def _points(axes: Axes, layer: Layer, scales: Scales, shown: Panel) -> None:
+    """Small circles, open where they were measured, with bars of known standard deviations."""
     x, y, sigma = _scaled(layer, scales)
     look: dict[str, Any] = {"color": _colour(layer), "linestyle": "none", "marker": "o"}
-    size = 3.2 if layer.role is Role.MEASURED else 2.6
+    look |= {"markersize": 2.6}
+    if layer.role is Role.MEASURED:
+        look |= {"markersize": 3.6, "markerfacecolor": axes.get_facecolor(), "markeredgewidth": 0.9}
     if np.any(sigma > 0.0):
         axes.errorbar(x, y, yerr=sigma, fmt="none", ecolor=_colour(layer), elinewidth=0.8)
-    axes.plot(x, y, markersize=size, label=layer.label, **look)
+    axes.plot(x, y, label=layer.label, **look)
 
 
-def _curve(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
-    """A line, distinguished from the others by its dashes and its width as well."""
+def _curve(axes: Axes, layer: Layer, scales: Scales, shown: Panel) -> None:
+    """A line, distinguished from the others by its dashes and its width as well.
+
+    The model's is whole through measured points, and dashed where what was measured is a line.
+    """
     x, y, sigma = _scaled(layer, scales)
+    lines = any(other.form is Form.CURVE for other in shown.of(Role.MEASURED))
     looks: dict[Role, dict[str, Any]] = {
         Role.MEASURED: {"linewidth": 1.4},
-        Role.SIMULATED: {"linestyle": LONG_DASHES, "linewidth": 1.8},
+        Role.SIMULATED: {"linestyle": LONG_DASHES, "linewidth": 1.8} if lines else {"zorder": 3},
         Role.START: {"linestyle": ":", "linewidth": 1.5},
         Role.OTHER: {"linewidth": 1.0},
     }
@@ -240,13 +249,13 @@ def _curve(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
     axes.plot(x, y, color=_colour(layer), label=layer.label, **looks[layer.role])
 
 
-def _stems(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
+def _stems(axes: Axes, layer: Layer, scales: Scales, shown: Panel) -> None:
     """Dashed stems with an open marker, whose shape marks the experiment."""
     x, y, _ = _scaled(layer, scales)
     colour = _colour(layer)
     axes.vlines(x, 0.0, y, color=colour, linestyle=DASHES, linewidth=1.3)
     look: dict[str, Any] = {
-        "marker": marker_of(shape),
+        "marker": marker_of(shown.shape),
         "markersize": 5.0,
         "markerfacecolor": axes.get_facecolor(),
         "markeredgecolor": colour,
@@ -255,7 +264,7 @@ def _stems(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
     axes.plot([], [], linestyle=DASHES, color=colour, label=layer.label, **look)
 
 
-def _levels(axes: Axes, layer: Layer, scales: Scales, shape: int) -> None:
+def _levels(axes: Axes, layer: Layer, scales: Scales, shown: Panel) -> None:
     """Short bars in ink with their errors: they stand out on whatever lies below."""
     x, y, sigma = _scaled(layer, scales)
     axes.errorbar(
