@@ -102,10 +102,11 @@ class Panel:
 
     ``title`` stands above it, ``when`` before the label of y, ``notes`` are lines of text within.
     ``marked`` are places along x with a vertical line each; ``level`` is a horizontal line (NaN:
-    none). ``z`` are the values of a map's colours: about zero in both directions where it
-    goes from -h to h. ``joined``: the difference of measured and simulated values is drawn as a bar
-    between both. ``shape`` numbers the marker of simulated points: one for each experiment.
-    ``height`` is relative to that of a full panel.
+    none), of residuals with a band of twice their ``rms`` about it (NaN: none). ``z`` are the
+    values of a map's colours: about zero in both directions where it goes from -h to h.
+    ``joined``: the difference of measured and simulated values is drawn as a bar between both.
+    ``shape`` numbers the marker of simulated points: one for each experiment. ``height`` is
+    relative to that of a full panel.
     """
 
     x: Axis
@@ -117,6 +118,7 @@ class Panel:
     notes: tuple[str, ...] = ()
     marked: tuple[float, ...] = ()
     level: float = float("nan")
+    rms: float = float("nan")
     joined: bool = False
     shape: int = 0
     height: float = 1.0
@@ -236,8 +238,19 @@ def residual_points(
             for role, (label, part) in zip((Role.SIMULATED, Role.OTHER), parts, strict=False)
         ),
         level=0.0,
+        rms=root_mean_square([part for _, part in parts[:1]]),
         height=0.5,
     )
+
+
+def root_mean_square(parts: Sequence[FloatArray]) -> float:
+    """Root mean square of all values of some arrays; NaN of none.
+
+    Args:
+        parts: of any shape.
+    """
+    values = np.concatenate([np.empty(0), *map(np.ravel, parts)])
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
 def record_figure(

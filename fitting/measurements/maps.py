@@ -13,7 +13,15 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import (
+    Axis,
+    Figure,
+    Form,
+    Layer,
+    Panel,
+    Role,
+    root_mean_square,
+)
 from fitting.text.arrays import FloatArray, Scalar
 from fitting.text.notation import hertz, how_many, listed, unit_text
 
@@ -217,6 +225,7 @@ def lines_figure(maps: ControlMaps) -> Figure:
     most = 1.15 * float(maps.rest.high or 1.0)
     rest = Axis("difference", maps.rest.unit, low=-most, high=most)
     x = Axis("frequency", "Hz")
+    rms = 1.0 if rest.unit == "σ" else root_mean_square([s.left for s in maps.spectra])
     for s in maps.spectra:
         # the fitted curve between the points as well, by a cubic spline
         between = np.linspace(s.frequency_hz[0], s.frequency_hz[-1], FINE)
@@ -240,7 +249,7 @@ def lines_figure(maps: ControlMaps) -> Figure:
             )
         )
         left = Layer(Role.MEASURED, Form.POINTS, s.frequency_hz, s.left)
-        below.append(Panel(x=x, y=rest, layers=(left,), level=0.0, height=0.45))
+        below.append(Panel(x=x, y=rest, layers=(left,), level=0.0, rms=rms, height=0.45))
     count = how_many(len(maps.spectra), "sweep")
     marked = f" Maxima of the fitted curve are marked: {'; '.join(stated)}." if stated else ""
     return Figure(

@@ -11,7 +11,15 @@ from fitting.lines.noise_spectrum import NoiseLine
 from fitting.lines.record import MeasuredLine
 from fitting.lines.ringdown import Ringdown
 from fitting.lines.trace import SAMPLES
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import (
+    Axis,
+    Figure,
+    Form,
+    Layer,
+    Panel,
+    Role,
+    root_mean_square,
+)
 from fitting.text.arrays import ComplexArray, FloatArray
 from fitting.text.notation import hertz, number, prefixed, quantity, with_error
 
@@ -127,8 +135,15 @@ def _residuals(
     layers = [Layer(Role.MEASURED, Form.POINTS, places, left.real, label=label)]
     if np.iscomplexobj(left):
         layers = [
-            Layer(Role.MEASURED, Form.POINTS, places, left.real, label="residual of X"),
+            Layer(Role.SIMULATED, Form.POINTS, places, left.real, label="residual of X"),
             Layer(Role.OTHER, Form.POINTS, places, left.imag, label="residual of Y"),
         ]
-    y = Axis("residual", unit)
-    return Panel(x=x, y=y, layers=tuple(layers), level=0.0, marked=marked, height=0.5)
+    return Panel(
+        x=x,
+        y=Axis("residual", unit),
+        layers=tuple(layers),
+        level=0.0,
+        rms=root_mean_square([layer.y for layer in layers]),
+        marked=marked,
+        height=0.5,
+    )

@@ -104,7 +104,7 @@ def sign(name: str) -> str:
 
 
 def signs_words(names: Iterable[str]) -> str:
-    """How signs are written in files: "In files and commands η₊ is eta_plus."; empty: all are plain.
+    """How signs are written: "In files and commands η₊ is eta_plus."; empty where all are plain.
 
     Args:
         names: of the quantities.

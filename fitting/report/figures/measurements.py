@@ -146,8 +146,10 @@ def panel(shown: Panel, *, among: Sequence[Panel] = (), ax: Axes | None = None) 
         axes.axvline(along_x(place), color=GREY, alpha=0.4, linewidth=0.8, zorder=0)
     if np.isfinite(shown.level):
         axes.axhline(along_y(shown.level), color=GREY, linewidth=0.8, zorder=1)
-        if shown.y.unit == "σ":  # within it 95 of 100 residuals that are noise
-            axes.axhspan(along_y(-2.0), along_y(2.0), color=GREY, alpha=BAND, linewidth=0, zorder=0)
+    if np.isfinite(shown.rms):  # 95 of 100 residuals that are noise are within it
+        ends = (along_y(shown.level - 2.0 * shown.rms), along_y(shown.level + 2.0 * shown.rms))
+        label = "±2σ" if shown.y.unit == "σ" else "±2 rms"
+        axes.axhspan(*ends, color=GREY, alpha=BAND, linewidth=0, zorder=0, label=label)
     for layer in shown.layers:
         if layer.form is Form.MAP:
             _map(axes, layer, scales, shown.z or Axis(""))
