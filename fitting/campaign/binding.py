@@ -113,6 +113,7 @@ def bind(campaign: Campaign, variables: Mapping[str, FmuVariable]) -> BoundCampa
             line_width_hz=file.observe.line_width,
             accuracy=USUAL_ACCURACY if accuracy is None else accuracy,
             annotation=annotation,
+            window=file.accuracy.prescribed,
         )
         experiments = _bind_experiments(campaign, binder, drive, drift, output)
     readers = [partial(m.bind, binder, setup) for m in campaign.measurements.values()]
@@ -123,7 +124,13 @@ def bind(campaign: Campaign, variables: Mapping[str, FmuVariable]) -> BoundCampa
         path=campaign.path,
         setup=setup,
         experiments=experiments,
-        sweep=campaign.sweep and replace(campaign.sweep, settings=settings, setting_sigma=sigmas),
+        sweep=campaign.sweep
+        and replace(
+            campaign.sweep,
+            settings=settings,
+            setting_sigma=sigmas,
+            scale="grid" if file.accuracy.as_published else campaign.sweep.scale,
+        ),
         parameters=(),
         derived=file.derived.outputs,
         alternatives=alternatives,

@@ -14,6 +14,7 @@ from fitting.campaign.measured import Experiment, SweepData
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter
 from fitting.fmu.accuracy import AccuracyAnnotation
+from fitting.signal.prescribed import PrescribedWindow
 from fitting.text.arguments import checked
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
@@ -163,6 +164,7 @@ class Setup:
         accuracy: Relative accuracy of simulated amplitudes, in (0, 1).
         annotation: The FMU's accuracy and reductions.
         laws: Formulas that variables of the FMU follow.
+        window: Samples of tones from rest on, read by a Fourier transform; None: planned.
         source: Its name in errors.
     """
 
@@ -175,6 +177,7 @@ class Setup:
     accuracy: float = USUAL_ACCURACY
     annotation: AccuracyAnnotation = field(default_factory=AccuracyAnnotation)
     laws: Laws = field(default_factory=Laws)
+    window: PrescribedWindow | None = None
     source: str = ""
 
     @property

@@ -150,7 +150,7 @@ def _read_sweep(written: WrittenSweep) -> SweepData:
     sigma_v = _sigmas(raw, amplitude_v, written.detector)
     cut, omitted = clipped_top(amplitude_v), raw.left_out
     # a ratio of maxima has none without them: there the scale is told to be in doubt
-    if np.any(cut) and written.use == "fit" and written.scale != "maximum":
+    if np.any(cut) and written.use == "fit" and written.scale not in ("maximum", "grid"):
         at = np.flatnonzero(cut)
         limit, places = float(np.max(amplitude_v)), (raw.places[at[0]], raw.places[at[-1]])
         result = left_out(str(raw.path), at.size, *places, limit=limit)

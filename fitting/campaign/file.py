@@ -26,6 +26,7 @@ from fitting.lines.names import ADDED, BACKGROUNDS
 from fitting.signal.amplitudes import Amplitude, check_amplitude, declared_amplitude
 from fitting.signal.combinations import Combination, lines_to_read
 from fitting.signal.peaks import FLOOR_KINDS
+from fitting.signal.prescribed import PrescribedWindow
 from fitting.signal.scale import SCALES
 from fitting.text.choices import CRITERIA, ESTIMATORS, INTERFACES, LIKELIHOOD, MISFITS
 from fitting.text.errors import BadInput
@@ -70,6 +71,8 @@ OUTLIERS = ("keep", "huber")
 SAMPLES_PER_PERIOD = 200
 #: Keys that state which part of a file is taken.
 PART = ("trace", "chunk", "header_row")
+#: T_trans, T and Δt of the paper, read as ms and µs.
+AS_PUBLISHED = PrescribedWindow(settle=2e-3, length=30e-3, step=1e-6)
 UNIT_LEVEL = Written(1.0, None, "[drive] level")
 
 
@@ -355,8 +358,9 @@ class WrittenSweep(WrittenTrace):
     use: Annotated[Text, OneOf(("scale", "fit"))] = "scale"
     """"scale": for the scale only; "fit": each point is a residual row, too."""
     scale: Annotated[Text, OneOf(SCALES)] = "maximum"
-    """From simulated to measured amplitudes: ratio of maxima ("maximum"), least squares ("fit"),
-    Huber's estimate ("robust"), fitted ln_scale ("free"), 1 ("none")."""
+    """From simulated to measured amplitudes: ratio of maxima, the simulated one between points
+    ("maximum") or the largest point ("grid"), least squares ("fit"), Huber's estimate ("robust"),
+    fitted ln_scale ("free"), 1 ("none")."""
     background: Annotated[Text, OneOf(BACKGROUNDS)] = "none"
     """Of the line fit: "none" or a "complex" constant; with use = "fit" also of the FMU: "offset"
     of amplitudes, or "slope", linear in frequency."""
@@ -381,7 +385,7 @@ def offset_trouble(background: str, use: str, scale: str) -> tuple[str, ...]:
         return ()
     if use != "fit":
         return (f'"{background}" has a meaning with use = "fit" only',)
-    if scale in ("maximum", "robust"):
+    if scale in ("maximum", "grid", "robust"):
         return (f'"{background}" is solved with scale = "fit", "free" or "none", found "{scale}"',)
     return ()
 
@@ -552,11 +556,24 @@ class WrittenAccuracy(AccuracyNames):
         tuple[Reduction[Value], ...], listed("[[accuracy.reductions]] tables", least=0)
     ] = ()
     """Ways to leave something out, which a plan may take."""
+    window: PrescribedWindow | None = None
+    """Samples of the experiments from rest on, read by a Fourier transform at the lines. Without it
+    planned."""
+    as_published: Switch = False
+    """As the paper ran: window = { settle = "2 ms", length = "30 ms", step = "1 us" } and [sweep]
+    scale = "grid"."""
 
     def __post_init__(self) -> None:
         with refusing("amplitude"):
             if self.amplitude is not None:
                 checked_accuracy(self.amplitude, "")
+        if self.as_published:
+            self.refuse("has no meaning with as_published = true, which sets it", "window")
+
+    @property
+    def prescribed(self) -> PrescribedWindow | None:
+        """The window that is prescribed; None: it is planned."""
+        return AS_PUBLISHED if self.as_published else self.window
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -733,6 +750,7 @@ class WrittenCampaign(CampaignHead):
                 "'sigma' in the tables of further measurements, 'averages' of a noise spectrum",
                 "noise",
             )
+        self._check_window()
         lines = 0 if self.drive is None else len(self.drive.lines)
         keys = ("peaks", "peak_sigmas", "phases", "x", "y")
         for key in keys if experiments is not None else ():
@@ -743,6 +761,19 @@ class WrittenCampaign(CampaignHead):
                     "experiments",
                     key,
                 )
+
+    def _check_window(self) -> None:
+        """Refuse a prescribed window with what it does not go together with."""
+        if self.accuracy.prescribed is None:
+            return
+        key = "as_published" if self.accuracy.as_published else "window"
+        experiments = self.experiments
+        if experiments is None or experiments.is_complex or self.driven.kind != "tones":
+            raise Refused(
+                'is of amplitudes in [experiments] under [drive] kind = "tones"', "accuracy", key
+            )
+        if self.observe.steady_start:
+            raise Refused("begins at rest; wanted no steady_start in [observe]", "accuracy", key)
 
     @property
     def driven(self) -> WrittenDrive:

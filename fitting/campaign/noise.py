@@ -190,8 +190,9 @@ def maximum_sigma(sweep: SweepData, noise: Noise) -> float:
 def sweep_scale_sigma(amplitude_v: FloatArray, sigma_v: FloatArray, scale: str) -> float:
     """Relative standard deviation of chi from the sweep's noise, for each way to take it.
 
-    "maximum": that of the largest point. "fit": of chi = sum(L S)/sum(S^2) with S in the shape of
-    L, sqrt(sum L^2 sigma^2)/sum L^2. "robust": the same over sqrt(0.95), Huber's efficiency.
+    "maximum", "grid": that of the largest point. "fit": of chi = sum(L S)/sum(S^2) with S in the
+    shape of L, sqrt(sum L^2 sigma^2)/sum L^2. "robust": the same over sqrt(0.95), Huber's
+    efficiency.
 
     Args:
         amplitude_v: amplitudes (n,), V peak.
@@ -200,7 +201,7 @@ def sweep_scale_sigma(amplitude_v: FloatArray, sigma_v: FloatArray, scale: str) 
     """
     if amplitude_v.size == 0 or scale == "none":
         return 0.0
-    if scale == "maximum":
+    if scale in ("maximum", "grid"):
         k = int(np.argmax(amplitude_v))
         return float(sigma_v[k] / amplitude_v[k])
     share = amplitude_v / float(np.max(amplitude_v))  # its square may be too small for a double

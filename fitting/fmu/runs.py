@@ -191,7 +191,8 @@ class Run:
 
     def __post_init__(self) -> None:
         signal = self.input_signal
-        if self.segments and (signal is not None or self.moved not in self.start_values):
+        is_set = self.moved in self.start_values or not self.moved
+        if self.segments and (signal is not None or not is_set):
             raise BadInput(
                 f"segments move {self.moved!r}: wanted a start value of it, and no input signal"
             )

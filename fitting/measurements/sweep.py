@@ -68,6 +68,7 @@ from fitting.text.notation import with_error
 #: How the scale was taken, in words.
 SCALE_WORDS = {
     "maximum": "from the ratio of the maxima",
+    "grid": "from the ratio of the largest points",
     "fit": "by least squares",
     "robust": "by Huber's estimate",
     "free": "fitted with the rest",
@@ -85,9 +86,10 @@ LEAST_SHARE = 1e-3
 class Sweep(Measurement):
     """Amplitudes over frequency: the scale by them, and, if `fitted`, one row per point.
 
-    `scale` "maximum" (Algorithm 1), "fit", "robust" (least squares and Huber's estimate over all
-    points), "free" (that of "fit" times a fitted factor) or "none"; `sigmas_v` (n,) the standard
-    deviation of every point, `known` where it was declared, else it is the scatter of the top;
+    `scale` "maximum" or "grid" (Algorithm 1), "fit", "robust" (least squares and Huber's estimate
+    over all points), "free" (that of "fit" times a fitted factor) or "none"; `sigmas_v` (n,) the
+    standard deviation of every point, `known` where it was declared, else it is the scatter of the
+    top;
     `maximum_v` the measured maximum (found where zero), `maximum_sigma` its relative error;
     `label` is empty where nothing is fitted for it alone, as an offset is; `unit` is that of the
     amplitudes, `background` that of the line which its figure shows; with "offset" a constant
@@ -214,7 +216,7 @@ class Sweep(Measurement):
         """A factor on chi is fitted with the rest, or chi has an error of its own."""
         if self.scaled_by == "free":
             return Scaling(is_free=True)
-        sigma = self.maximum_sigma if self.scaled_by == "maximum" else 0.0
+        sigma = self.maximum_sigma if self.scaled_by in ("maximum", "grid") else 0.0
         if not sigma > 0.0:
             sigma = sweep_scale_sigma(self._shape, self.sigmas_v, self.scaled_by)
         return Scaling(from_rows=self.scaled_by in ("fit", "robust"), sigma=sigma)
@@ -368,6 +370,8 @@ class Sweep(Measurement):
             return Scale(self._least_squares(_real(prediction)))
         if self.scaled_by == "robust":
             return Scale(chi_robust(self.amplitude_v, _real(prediction)))
+        if self.scaled_by == "grid":
+            return Scale(chi_of_maxima(self.maximum_v, float(np.max(_real(prediction)))))
         maximum = prediction.maximum
         if maximum is None:
             raise ValueError("the response has no sweep maximum, which the scale needs")

@@ -25,6 +25,7 @@ import numpy as np
 
 from fitting.campaign import BoundCampaign, Experiment, Setup
 from fitting.campaign.noise import ENOUGH_REPEATS, Noise, repeat_scatter
+from fitting.fmu.runs import Segment
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
 from fitting.measurements.gain import gains_of
@@ -37,8 +38,11 @@ from fitting.measurements.measurement import (
 )
 from fitting.measurements.plan import Plan
 from fitting.measurements.residuals import ResidualCurve
+from fitting.signal.prescribed import PrescribedWindow
 from fitting.signal.window import Window
-from fitting.simulate.batch import Batch
+from fitting.simulate.batch import Batch, Variation
+from fitting.simulate.budget import Basis, Decision
+from fitting.simulate.budget import Kind as Decided
 from fitting.simulate.drive import Drive
 from fitting.simulate.planner import window_decision
 from fitting.simulate.words import window_in_words
@@ -118,6 +122,11 @@ class Tones(Measurement):
         """The plan with the windows of its experiments."""
         if not self.experiments or plan.budget is None:
             return plan
+        if (own := self.setup.window) is not None:
+            numbers = {"settle_s": own.settle, "length_s": own.length, "step_s": own.step}
+            kind, basis = Decided.WINDOW, Basis.PRESCRIBED
+            decision = Decision(kind, basis, 0.0, numbers=numbers, forced=True)
+            return replace(plan, budget=plan.budget.with_decision(decision))
         windows = tuple(
             w for w, _ in self._observed(DrivenModel(setup=self.setup, parameters=(), plan=plan))
         )
@@ -132,6 +141,8 @@ class Tones(Measurement):
         self, model: DrivenModel, table: FloatArray, batch: Batch, *, whole: bool = False
     ) -> Predicting:
         """Amplitudes of all lines for every row of the table; see `Measurement.predict`."""
+        if self.setup.window is not None:
+            return (yield from self._prescribed(self.setup.window, model.whole, table, batch))
         requested = self._ask(model, table, batch)
         yield
         columns = [
@@ -140,6 +151,54 @@ class Tones(Measurement):
         ]
         peaks = np.concatenate(columns, axis=1) if columns else np.empty((len(table), 0))
         return [Prediction(row) for row in peaks]
+
+    def _prescribed(
+        self, window: PrescribedWindow, model: DrivenModel, table: FloatArray, batch: Batch
+    ) -> Predicting:
+        """Amplitudes by a prescribed window: of few samples, where the others follow from them."""
+        whole = Window(
+            tones_hz=(),
+            settle_s=window.settle,
+            step_s=window.step,
+            samples=window.samples,
+            longest_s=model.plan.grid.longest_s,
+        )
+        few = window.few if model.any_steps and not model.plan.grid.step_s else None
+        shortened = Variation({}, whole)
+        if few is not None:
+            waits = (float(n * window.step) for n in np.diff(few.indices))
+            segments = tuple(
+                Segment(value=0.0, settle_s=wait, sample_step_s=window.step, samples=1)
+                for wait in waits
+            )
+            shortened = Variation({}, replace(whole, samples=1), segments=segments)
+        places = []
+        for e in self.experiments:
+            first, group = model.groups(table, e.label)
+            starts = [(model.values(table[k], e.label, e.settings), int(k)) for k in first]
+            output = e.output or self.setup.output
+            runs = [batch.ask_varied(s, [shortened], output, k)[0] for s, k in starts]
+            places.append((output, starts, runs, group))
+        yield
+        records: list[list[FloatArray]] = []
+        for output, starts, runs, _ in places:
+            records.append([])
+            for i, (start, k) in enumerate(starts):
+                samples = batch.samples(runs[i], output)
+                follows = samples if few is None else window.whole(samples)
+                if follows is None:  # not linear, or poles that the few do not distinguish
+                    [runs[i]] = batch.ask_varied(start, [Variation({}, whole)], output, k)
+                records[-1].append(np.empty(0) if follows is None else follows)
+        yield
+        columns = []
+        for e, (output, _, runs, group), rows in zip(
+            self.experiments, places, records, strict=True
+        ):
+            pairs = zip(rows, runs, strict=True)
+            values = [row if row.size else batch.samples(k, output) for row, k in pairs]
+            lines_hz = tuple(e.read_hz)
+            columns.append(np.array([window.amplitudes(x, lines_hz) for x in values])[group])
+        return [Prediction(row) for row in np.concatenate(columns, axis=1)]
 
     def _line_values(self, batch: Batch, k: int, window: Window, output: str) -> Values:
         """Values of a run at its lines."""
@@ -154,7 +213,9 @@ class Tones(Measurement):
         return rows
 
     def sampled(self, model: DrivenModel, p: FloatArray, batch: Batch) -> list[Sampled]:
-        """One run per experiment."""
+        """One run per experiment; none of a prescribed window, which tones alone do not fill."""
+        if self.setup.window is not None:
+            return []
         requested = self._ask(model, np.atleast_2d(p), batch)
         return [
             Sampled(ks[0], window, output)

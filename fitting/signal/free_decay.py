@@ -34,7 +34,7 @@ from fitting.text.arrays import ComplexArray, FloatArray, IntArray
 GOLDEN, FARTHER = 0.6180339887498949, 2
 #: How many times the difference at samples that are seen an error may be: there are few of them.
 SAFETY = 10.0
-#: An error below which no other number of states is tried.
+#: An error below which no other number of states is tried, where nothing else is wanted.
 ENOUGH = 1e-11
 #: Numbers of states that are tried, those behind which singular values fall most.
 TRIED = 3
@@ -133,13 +133,16 @@ class _Motion:
         return np.asarray(((self.over @ start) @ self.observed).real.ravel())
 
 
-def rebuilt(few: FewSamples, values: FloatArray, tolerance: float) -> Rebuilt | None:
+def rebuilt(
+    few: FewSamples, values: FloatArray, tolerance: float, enough: float = ENOUGH
+) -> Rebuilt | None:
     """All samples of a free decay; None where those that are checked show that they are not.
 
     Args:
         few: which samples were taken.
         values: of these, shape (m,), in the order of their indices.
         tolerance: largest error that they may have, over the largest value.
+        enough: error below which no other number of states is tried.
     """
     largest = float(np.max(np.abs(values)))
     if not 0.0 < largest < np.inf:
@@ -153,7 +156,7 @@ def rebuilt(few: FewSamples, values: FloatArray, tolerance: float) -> Rebuilt | 
             error = max(SAFETY * off, unsure)
             if error <= least:
                 best, least = Rebuilt(np.asarray(largest * samples), error), error
-            if error <= ENOUGH:
+            if error <= enough:
                 break
     return best
 

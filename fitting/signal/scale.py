@@ -16,7 +16,7 @@ from fitting.signal.student import widening95
 from fitting.text.arrays import BoolArray, FloatArray
 from fitting.text.errors import NoScale
 
-SCALES = ("maximum", "fit", "robust", "free", "none")
+SCALES = ("maximum", "grid", "fit", "robust", "free", "none")
 #: Points used by the fine interpolation (degree four) and by the coarse one (degree two).
 FINE_POINTS = 5
 COARSE_POINTS = 3

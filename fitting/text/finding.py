@@ -112,6 +112,8 @@ class Kind(StrEnum):
     output_late = "output_late"
     accuracy_missed = "accuracy_missed"
     accuracy_forced = "accuracy_forced"
+    transient_left = "transient_left"
+    tones_unresolved = "tones_unresolved"
     # how a campaign was bound to its FMU
     unit_undeclared = "unit_undeclared"
     unit_assumed = "unit_assumed"

@@ -32,7 +32,6 @@ from tests.support import closed_form
 from tests.support.rows import rows_objective
 
 TRUTH = (1.9498, 120.0, 90.0)
-ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -226,10 +225,19 @@ def equivalent(theta: float, d1: float, d2: float) -> list[tuple[float, float, f
 
 
 @pytest.mark.nightly
-def test_the_least_j_of_every_level_is_that_of_an_independent_search(swift_models: None) -> None:
-    """At 1e-3 and 1e-4 it is lower than theirs, by 2e-5 and 2e-4: the minimum is another one."""
+def test_the_least_j_of_every_level_is_that_of_an_independent_search(
+    swift_models: None, tmp_path: Path
+) -> None:
+    """At 1e-3 and 1e-4 it is lower than theirs, by 2e-5 and 2e-4: the minimum is another one.
+
+    Of settled amplitudes, with the noise taken off in quadrature.
+    """
     fmu = ff.Fmu("CoupledOscillator", workers=2)
-    problem = ff.Problem.of(ROOT / "data/string_q1_published/campaign.toml", fmu)
+    path = ff.example("string_q1_published", tmp_path / "campaign")
+    for old in ("as_published = true", 'noise_floor = "mean"'):
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, ""))
+    problem = ff.Problem.of(path, fmu)
     fit = ff.fit(problem, replace(ff.Tikhonov.of(problem.options), global_path=True))
     _, *rows = fit.global_path
     scale, reference = (

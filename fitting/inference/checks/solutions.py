@@ -645,7 +645,7 @@ def check_scale(solved: Solved) -> Iterator[Finding]:
         has_gain = any(e.unknown == "gain" and e.phases_rad is not None for e in experiments)
         if sweep is None and experiments and not has_gain:
             yield note(Kind.scale_none, "scale")
-        elif sweep is not None and sweep.scale == "maximum":
+        elif sweep is not None and sweep.scale in ("maximum", "grid"):
             maximum = laboratory_maximum(sweep.frequency_hz, sweep.amplitude_v)
             if maximum.on_edge:
                 yield warning(Kind.scale_at_edge, "scale", frequency_hz=maximum.frequency_hz)
@@ -706,6 +706,7 @@ def check_drift(solved: Solved) -> Iterator[Finding]:
         if not width_hz > 0.0:
             width_hz = bound.setup.line_width_hz or math.nan
         yield from drift_findings(bound, offsets, width_hz, describes, name)
+        yield from window_findings(bound, width_hz, name)
 
 
 def drift_findings(
@@ -747,6 +748,29 @@ def drift_findings(
     if far:
         names = {"offsets": tuple(far)}
         yield warning(Kind.drift_offset_wide, subject, names, **{"width_hz": width_hz} | far)
+
+
+def window_findings(bound: BoundCampaign, width_hz: float, subject: str = "") -> Iterator[Finding]:
+    """What a prescribed window leaves of the transient, and reads of a tone at the next one.
+
+    Args:
+        bound: campaign, bound to its FMU.
+        width_hz: full line width, Hz; NaN: not known.
+        subject: name of the campaign where there are several.
+    """
+    window = bound.setup.window
+    if window is None:
+        return
+    left = window.transient(width_hz)
+    if left > bound.setup.accuracy:  # not of a width that is not known
+        numbers = {"left": left, "settle_s": window.settle, "width_hz": width_hz}
+        yield warning(Kind.transient_left, subject, **numbers)
+    apart = np.concatenate([np.diff(np.sort(e.read_hz)) for e in bound.experiments])
+    if apart.size and np.min(apart) * window.length < 1.0:
+        distance_hz = float(np.min(apart))
+        numbers = {"distance_hz": distance_hz, "leakage": window.leakage(distance_hz)}
+        numbers["bin_hz"] = 1.0 / window.length
+        yield warning(Kind.tones_unresolved, subject, **numbers)
 
 
 def _in_hertz(unit: str) -> float:
