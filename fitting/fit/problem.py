@@ -6,7 +6,7 @@ The FMU of a problem has a plan for every series, from which the responses of th
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
 
@@ -17,6 +17,7 @@ from fitting.campaign.joint import join_parameters, named_apart
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter, starts
 from fitting.fmu.accuracy import read_accuracy_annotation
+from fitting.fmu.description import read_description
 from fitting.fmu.pool import FmuWorkers
 from fitting.measurements.dataset import Dataset, measurements_of
 from fitting.measurements.driven_model import DrivenModel
@@ -26,6 +27,7 @@ from fitting.measurements.plan import Plan
 from fitting.measurements.planning import Series, measured_plan, plan_series
 from fitting.simulate.probe import Knowledge
 from fitting.text.arrays import FloatArray, Scalar
+from fitting.text.choices import INTERFACES
 from fitting.text.errors import BadInput, FmuFailure, NoAnswer
 from fitting.text.finding import Finding
 
@@ -160,6 +162,9 @@ def problem_of(bounds: Sequence[BoundCampaign]) -> Problem:
 
 _log = logging.getLogger(__name__)
 
+#: Communication steps between two samples of a trace beyond which model exchange is taken instead.
+MANY_STEPS = 16
+
 
 @dataclass(frozen=True)
 class PlannedFmu:
@@ -228,6 +233,9 @@ class PlannedFmu:
 def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
     """Plan every series of a problem with the FMU at hand.
 
+    Where steps of co-simulation are many, or leave more than was wanted, and nobody chose the
+    interface, the FMU is run by model exchange from then on, if it offers that.
+
     Args:
         problem: parameters, measurements and alternatives.
         workers: processes that run the FMU.
@@ -236,6 +244,31 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
         FmuFailure: the FMU failed; with its words and the parameters.
         BadInput: a campaign cannot be planned, or something else than it drives the FMU.
     """
+    planned, description = _planned(problem, workers), workers.description
+    hard_s = max((s for plan in planned.plans.values() for s in _hard_steps_s(plan)), default=0.0)
+    if hard_s and not description.is_chosen and INTERFACES[1] in description.offers:
+        try:
+            exchange = read_description(description.file, INTERFACES[1])
+            workers.go_on_by(replace(exchange, path=description.path, instead_of_s=hard_s))
+            planned = _planned(problem, workers)
+        except (BadInput, FmuFailure):  # its equations cannot be had: as before
+            workers.go_on_by(description)
+    for sentence in planned.sentences:
+        _log.info("plan: %s", sentence)
+    return planned
+
+
+def _hard_steps_s(plan: Plan) -> Iterator[float]:
+    """Communication steps that make a trace expensive, and own ones that make it inaccurate, s."""
+    for steps in plan.steps:
+        if steps.per_sample > MANY_STEPS:
+            yield steps.step_s
+        elif steps.internal_step_s and plan.budget is not None and not plan.budget.kept:
+            yield steps.internal_step_s
+
+
+def _planned(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
+    """The plans by the interface of the workers."""
     description = workers.description
     known = Knowledge(
         read_accuracy_annotation(description),
@@ -251,10 +284,7 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
         name: measured_plan(each, workers, known, any_steps=description.any_steps)
         for name, each in series.items()
     }
-    planned = PlannedFmu(problem, workers, plans)
-    for sentence in planned.sentences:
-        _log.info("plan: %s", sentence)
-    return planned
+    return PlannedFmu(problem, workers, plans)
 
 
 def refuse_other_drives(series: Series, workers: FmuWorkers) -> None:

@@ -120,7 +120,8 @@ class FmuDescription:
     ``offers`` are the interfaces that it has, of INTERFACES. ``exchange``: numbers of states and
     event indicators where it is run by model exchange: its equations are then integrated here;
     None: co-simulation. ``output_delay_steps`` is not declared: communication steps by which its
-    outputs come late, as its user states.
+    outputs come late, as its user states; ``is_chosen``: whether its user chose the interface.
+    ``instead_of_s``: step of co-simulation for which model exchange was taken, s; 0: it was not.
     """
 
     path: Path
@@ -141,6 +142,8 @@ class FmuDescription:
     exchange: tuple[int, int] | None = None
     offers: tuple[str, ...] = INTERFACES[:1]
     output_delay_steps: int = 0
+    is_chosen: bool = False
+    instead_of_s: float = 0.0
     #: Where the file is, whatever folder the process works in later; ``path`` is as it was named.
     file: Path = field(init=False, repr=False, compare=False)
 
@@ -293,6 +296,7 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         any_steps=any_steps,
         exchange=exchange,
         offers=tuple(offered),
+        is_chosen=interface is not None,
     )
 
 

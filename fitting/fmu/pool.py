@@ -191,6 +191,17 @@ class FmuWorkers:
             failed=any(v.failed for v in self._verdicts),
         )
 
+    def go_on_by(self, description: FmuDescription) -> None:
+        """Run the same FMU by another interface from now on; counts and warnings go on.
+
+        Args:
+            description: of that interface.
+        """
+        with self._own_turn():
+            self._open.close()
+            self.description = description
+            self._begin_anew(len(self._open.processes))
+
     def alone(self) -> AbstractContextManager[object]:
         """Within, no other thread runs the FMU by these workers."""
         return self._turn

@@ -243,6 +243,8 @@ def result_through(
     # the equations of the FMU could be integrated here, where its own solver does not do
     other, description = INTERFACES[1], workers.description
     short = any(plan.budget is not None and not plan.budget.kept for plan in plans)
+    if description.instead_of_s:
+        further.append(note(Kind.model_exchange_taken, other, step_s=description.instead_of_s))
     if short and description.interface != other and other in description.offers:
         further.append(note(Kind.model_exchange_offered, other))
     result = result_of(fit, inference, provenance, further, plans[0].record)

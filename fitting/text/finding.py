@@ -109,6 +109,7 @@ class Kind(StrEnum):
     fmu_warning = "fmu_warning"
     not_periodic = "not_periodic"
     model_exchange_offered = "model_exchange_offered"
+    model_exchange_taken = "model_exchange_taken"
     output_late = "output_late"
     accuracy_missed = "accuracy_missed"
     accuracy_forced = "accuracy_forced"

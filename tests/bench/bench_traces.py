@@ -248,7 +248,8 @@ def steps(folder: Path, count: int) -> None:
         ("VanDerPol", RELAXATIONS),
     )
     for name, laboratories in named:
-        with ff.Fmu(build_reference_fmu(folder, name), workers=1) as fmu:
+        path = build_reference_fmu(folder, name)
+        with ff.Fmu(path, workers=1, interface="co-simulation") as fmu:
             for laboratory in laboratories:
                 coverage(fmu, laboratory, count)
 

@@ -72,7 +72,7 @@ def test_an_output_that_follows_its_input_at_once_has_a_gain_of_one(
 def test_a_decay_from_rest_becomes_a_campaign_that_runs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """x' = -1.3 x from the FMU's own start: its steps of 0.1 s move k by 0.08."""
+    """x' = -1.3 x from the FMU's own start: its steps of 0.1 s would move k by 0.08."""
     t = 0.1 * np.arange(51)
     x = np.exp(-1.3 * t) + 1e-3 * np.random.default_rng(1).standard_normal(t.size)
     rows = "".join(f"{a:.1f},{b:.6f}\n" for a, b in zip(t.tolist(), x.tolist(), strict=True))
@@ -85,6 +85,5 @@ def test_a_decay_from_rest_becomes_a_campaign_that_runs(
     found = re.search(r"^  k (\S+) ± (\S+)", told, re.MULTILINE)
     assert found is not None, told
     value, std = float(found[1]), float(found[2])
-    assert 0.05 < abs(value - 1.3) < 2.0 * std
-    [error] = of_kind(read_result(tmp_path / "out/result.json").findings, Kind.simulation_error)
-    assert error.numbers["k"] > 0.08  # what the steps move
+    assert abs(value - 1.3) < 3.0 * std < 0.02
+    assert of_kind(read_result(tmp_path / "out/result.json").findings, Kind.model_exchange_taken)

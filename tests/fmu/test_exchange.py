@@ -153,6 +153,56 @@ def test_a_decay_is_fitted_by_either_interface(dahlquist: Path, tmp_path: Path) 
     assert not found["model-exchange"][1]
 
 
+def test_model_exchange_is_taken_instead_of_own_steps(dahlquist: Path) -> None:
+    """Nobody chose: equations without steps of 0.1 s, and errors of the noise alone."""
+    t, rng = 0.1 * np.arange(60), np.random.default_rng(2)
+    volt = np.exp(-0.83 * t) + 1e-3 * rng.standard_normal(t.size)
+    trace = ff.Trace(t, volt, setup=ff.Setup(ff.Drive(), "x"), sigma=1e-3)
+    with ff.Fmu(dahlquist, workers=1) as fmu:
+        result = ff.fit(ff.Problem(fmu, ff.Parameter("k", 0.5, bounds=(0.1, 5)), trace)).result
+    k = result.parameters["k"]
+    assert abs(k.value - 0.83) < 3.0 * k.std
+    slopes = t * np.exp(-0.83 * t)
+    assert k.std == pytest.approx(1e-3 / np.linalg.norm(slopes), rel=0.1)
+    [taken] = of_kind(result.findings, Kind.model_exchange_taken)
+    assert taken.numbers["step_s"] == pytest.approx(0.1, rel=0.02)
+
+
+@pytest.mark.parametrize("interface", [None, "co-simulation"])
+def test_model_exchange_is_taken_instead_of_many_steps(
+    interface: str | None, tmp_path: Path
+) -> None:
+    """A method of first order over communication steps, samples 0.4 rad apart."""
+    t = 2e-4 * np.arange(150)
+    k, c, m = 4e3, 0.4, 1e-3
+    g, w = c / (2.0 * m), math.sqrt(k / m - (c / (2.0 * m)) ** 2)
+    x = (1.0 - np.exp(-g * t) * (np.cos(w * t) + g / w * np.sin(w * t))) / k
+    x += 2e-6 * np.random.default_rng(4).standard_normal(t.size)
+    trace = ff.Trace(
+        t,
+        x,
+        setup=ff.Setup(ff.Drive(), "displacement"),
+        input="force",
+        driven=(t, np.ones(t.size)),
+        interpolation="held",
+        sigma=2e-6,
+        unit="m",
+    )
+    parameters = [
+        ff.Parameter("stiffness", 3.8e3, bounds=(3e3, 5e3), unit="N/m"),
+        ff.Parameter("damping", 0.5, bounds=(0.1, 1.0), unit="N.s/m"),
+    ]
+    path = build_exchange_fmu(tmp_path, both=True)
+    with ff.Fmu(path, workers=1, interface=interface) as fmu:
+        result = ff.fit(ff.Problem(fmu, parameters, trace), starts=1).result
+    for name, true in (("stiffness", k), ("damping", c)):
+        found = result.parameters[name]
+        assert abs(found.value - true) < 3.0 * found.std
+    taken = of_kind(result.findings, Kind.model_exchange_taken)
+    assert len(taken) == (interface is None)
+    assert all(each.numbers["step_s"] < 2e-4 / 16.0 for each in taken)
+
+
 def free_decay(workers: FmuWorkers, spacing_s: float, **values: float) -> np.ndarray:
     """Displacement at ten times, from 1 mm at rest."""
     run = Run(

@@ -100,14 +100,17 @@ def build_euler_lag_fmu(
     divides: bool = False,
     told: bool = False,
     heun: bool = False,
+    refuses: bool = False,
 ) -> Path:
     """The lag by steps of Euler's method of its own, which may stand in its description.
 
-    ``divides``: shorter communication steps divide them; ``heun``: by his method, of second order.
+    ``divides``: shorter communication steps divide them; ``heun``: by his method, of second order;
+    ``refuses``: communication steps that are no whole ones are refused.
     """
     options = [f"-DOWN_STEP={step_s!r}"]
     options += ["-DDIVIDES"] if divides else []
     options += ["-DHEUN"] if heun else []
+    options += ["-DREFUSES"] if refuses else []
     path = _first_order(folder, "lag", options)
     if not told:
         return path
@@ -162,16 +165,23 @@ def build_own_step_fmu(
     return path
 
 
-def build_exchange_fmu(folder: Path, fmi: int = 2) -> Path:
-    """m x'' = force + weight - c x' - k x, with a wall or without, of model exchange alone."""
+def build_exchange_fmu(folder: Path, fmi: int = 2, *, both: bool = False) -> Path:
+    """m x'' = force + weight - c x' - k x, with a wall or without, of model exchange alone.
+
+    ``both``: of co-simulation, too, by a method of first order over the communication steps.
+    """
     library = folder / f"exchange{fmpy.sharedLibraryExtension}"
-    compile_library(SOURCES / f"exchange{fmi}.c", library)
+    compile_library(SOURCES / f"exchange{fmi}.c", library, ["-DBOTH"] if both else [])
     path = folder / f"exchange{fmi}.fmu"
     platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
     with zipfile.ZipFile(path, "w") as archive:
         archive.write(SOURCES / f"exchange{fmi}.xml", "modelDescription.xml")
         archive.write(library, f"binaries/{platform}/{library.name}")
-    return path
+    offer = '<ModelExchange modelIdentifier="exchange"/>'
+    co_simulation = (
+        '<CoSimulation modelIdentifier="exchange" canHandleVariableCommunicationStepSize="true"/>'
+    )
+    return reworded(path, {offer: offer + co_simulation}) if both else path
 
 
 def build_matrix_fmu(folder: Path) -> Path:

@@ -4,7 +4,7 @@
    of Euler's method, as long as the communication steps are, so that what a trace is off by hangs on these. With
    OWN_STEP steps of Euler's method of that length: all that end within a communication step, between which it stands
    still, or with DIVIDES as many of one length, as long at most, as fill it; with HEUN by his method, of second
-   order. */
+   order; with REFUSES communication steps have to be whole ones of that length. */
 #include "fmi2Functions.h"
 #include <math.h>
 #include <stdlib.h>
@@ -86,6 +86,9 @@ static void advance(Model *m, double at, double step) {
 #endif
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real at, fmi2Real step, fmi2Boolean no_set) {
+#ifdef REFUSES
+    if (fabs(step / OWN_STEP - rint(step / OWN_STEP)) > 1e-6) return fmi2Error;
+#endif
     advance(c, at, step);
     return fmi2OK;
 }
