@@ -42,6 +42,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from fitting.fmu.runs import SampledSignal
 from fitting.signal.free_decay import FewSamples
@@ -70,7 +71,8 @@ class StepPlan:
     belong to the model, ``shifted``: which shifts an oscillation in time. ``few``: at which samples
     the response to a pulse is simulated, where all follow from them to ``tolerance``, which is
     checked in every evaluation, and to ``few_error`` in the survey; None: at all of them. Outputs
-    come ``delay_steps`` steps late and are read so much later.
+    come ``delay_steps`` steps late and are read so much later. ``grid_s``: the only communication
+    step that the FMU takes, between whose ends samples are interpolated; 0: they divide a spacing.
     """
 
     label: str
@@ -88,11 +90,12 @@ class StepPlan:
     few_error: float = 0.0
     extrapolated: bool = False
     delay_steps: int = 0
+    grid_s: float = 0.0
 
     @property
     def step_s(self) -> float:
         """Communication step, s."""
-        return self.spacing_s / self.per_sample
+        return self.grid_s or self.spacing_s / self.per_sample
 
 
 def first_steps(spacing_s: float, own_s: float | None) -> tuple[int, float]:
@@ -162,6 +165,25 @@ def extrapolated(coarse: FloatArray, fine: FloatArray) -> FloatArray:
     return (4.0 * fine - coarse) / 3.0
 
 
+#: Fourth differences that bound what cubic splines leave: 5/384 of those of a smooth function, an
+#: eighth of a bend, which is half of its fourth difference.
+SPLINE_LEFT = 1.0 / 16.0
+
+
+def interpolated(values: FloatArray, at: FloatArray) -> tuple[FloatArray, float]:
+    """Values between steps by cubic splines, and what these leave at most; steps' own as they are.
+
+    Args:
+        values: at the ends of steps of one length, shape (n,), n at least 5.
+        at: where they are wanted, in steps from the first on, shape (m,).
+    """
+    near = np.round(at).astype(np.intp)
+    if np.all(np.abs(at - near) <= WHOLE * np.maximum(1.0, near)):
+        return values[near], 0.0
+    left = SPLINE_LEFT * float(np.max(np.abs(np.diff(values, 4))))
+    return np.asarray(CubicSpline(np.arange(values.size), values)(at)), left
+
+
 def planned_steps(
     plan: StepPlan, simulated: Callable[[int], StepRuns], wanted: float, samples: int
 ) -> StepPlan:
@@ -217,6 +239,8 @@ def step_decision(plans: Sequence[StepPlan]) -> Decision:
         numbers["extrapolated"] = pairs
     if any(plan.delay_steps for plan in plans):
         numbers["late"] = True
+    if any(plan.grid_s for plan in plans):
+        numbers["refused"] = True
     # the longest step between whose ends the FMU was seen to stand still
     if internal_step_s := max(plan.internal_step_s for plan in plans):
         numbers["stands_s"] = internal_step_s

@@ -42,6 +42,7 @@ from fitting.measurements.steps import (
     euler_leaves,
     extrapolated,
     first_steps,
+    interpolated,
     planned_steps,
     refinements,
     relative_change,
@@ -73,12 +74,14 @@ class RequestedRuns(NamedTuple):
         decay: after a pulse; of a few samples where the plan has few.
         further: whatever else.
         coarse: as `driven`, of half as many steps: both are extrapolated.
+        at: where samples are between the steps of `driven`, in steps; None: they are at their ends.
     """
 
     driven: int | None = None
     decay: int | None = None
     further: int | None = None
     coarse: int | None = None
+    at: FloatArray | None = None
 
     def under_input(self, batch: Batch, output: str) -> FloatArray | None:
         """The output (n,) under the input; None: none was asked for.
@@ -90,6 +93,8 @@ class RequestedRuns(NamedTuple):
         if self.driven is None:
             return None
         fine = batch.samples(self.driven, output)
+        if self.at is not None:
+            return interpolated(fine, self.at)[0]
         if self.coarse is None:
             return fine
         return extrapolated(batch.samples(self.coarse, output), fine)
@@ -190,6 +195,17 @@ class TimeRecord(OfSetup):
         Args:
             fine: steps between two samples.
             most: steps in all.
+        """
+        return None
+
+    def on_grid(self, grid_s: float) -> tuple[Look, FloatArray] | None:
+        """Its run under the input by steps of one length, and where samples are between these.
+
+        Args:
+            grid_s: length of a step, s.
+
+        Returns:
+            The run, and the samples' times in steps, shape (n,); None: an unknown start.
         """
         return None
 
@@ -380,9 +396,17 @@ class Survey:
         left /= trace.value_share  # steps are compared by the largest value, the budget by rows
         if not self.delay_steps and self._is_late(points[0], count, left):
             return replace(self, delay_steps=1).planned(points)
-        runs = partial(self._simulated, kept)
-        steps = planned_steps(first, runs, left, trace.run_samples)
-        steps = self._integrated(kept, self._refined(kept, steps, left))
+        try:
+            steps = planned_steps(first, partial(self._simulated, kept), left, trace.run_samples)
+            steps = self._integrated(kept, self._refined(kept, steps, left))
+        except NoAnswer:
+            raise
+        except FmuFailure:
+            self.batch.forget()
+            alone = self._on_grid(points, own_s or first.step_s)
+            if alone is None:
+                raise
+            steps = alone
         if trace.has_unknown_start and self.model.any_steps and steps.per_sample == 1:
             steps = self._of_few_samples(kept, steps, left)
         return plan.with_steps(replace(steps, bound=trace.value_share * steps.bound))
@@ -407,8 +431,10 @@ class Survey:
         coarsest = before.per_sample // 2 if before.extrapolated else before.per_sample
         started = replace(before, per_sample=coarsest)
         try:
-            steps = planned_steps(started, runs, left, self.trace.run_samples)
-            steps = self._refined([p], steps, left)
+            steps = self._on_grid([p], before.grid_s) if before.grid_s else None
+            if steps is None:
+                steps = planned_steps(started, runs, left, self.trace.run_samples)
+                steps = self._refined([p], steps, left)
             steps = replace(steps, bound=share * steps.bound)
         except NoAnswer:
             raise
@@ -539,6 +565,50 @@ class Survey:
             bound=steps.bound + left,
             shifted=steps.shifted or shifts,
         )
+
+    def _on_grid(self, points: Sequence[FloatArray], grid_s: float) -> StepPlan | None:
+        """The only steps that the FMU takes, with what they leave and what is between them.
+
+        Args:
+            points: parameter vectors (n,), the first of which the FMU takes.
+            grid_s: length of a step, s.
+
+        Returns:
+            None: the start is unknown, which pulses of other lengths would have to span.
+
+        Raises:
+            FmuFailure: the FMU refuses these, too.
+        """
+        asked = self.trace.on_grid(grid_s)
+        if asked is None:
+            return None
+        look, at = asked
+        steps = replace(self._plan(1), grid_s=grid_s, internal_step_s=grid_s)
+        is_model = self.kind.setup.annotation.own_step == MODEL
+        for k, p in enumerate(points):
+            values = self.kind.start_values(self.model, self.trace, p)
+            run = self._ask(values, look.window, look.signal)
+            try:
+                self.batch.simulate(self.workers)
+            except NoAnswer:
+                raise
+            except FmuFailure:  # it may refuse a part of the box
+                self.batch.forget()
+                if k == 0:
+                    raise
+                continue
+            observed, left, shifts = self.batch.samples(run, self.output), 0.0, False
+            if not is_model:
+                left, shifts = euler_leaves(observed, look.pushed, late=False)
+            between = interpolated(observed, at)[1] / (float(np.max(np.abs(observed))) or 1.0)
+            steps = replace(
+                steps,
+                runs=steps.runs + 1,
+                bound=max(steps.bound, left + between),
+                is_model=is_model,
+                shifted=steps.shifted or shifts,
+            )
+        return steps
 
     def _of_few_samples(
         self, points: Sequence[FloatArray], steps: StepPlan, left: float

@@ -28,6 +28,7 @@ Newton the rest.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -115,6 +116,8 @@ STATES_OF_ONE = 2
 FARTHEST, FARTHEST_OF_ONE = 0.5, 0.125
 #: Singular values below this share of the largest are rounding.
 ROUNDING = 1e-12
+#: Ends of steps that splines between them rest on at least, and rounding of their number.
+FEWEST_ENDS, ROUNDED_STEPS = 5, 1e-9
 #: Crossings of its mean that a trace of unknown start needs, for a period.
 CROSSINGS = 2
 
@@ -324,12 +327,42 @@ class Trace(TimeRecord):
         steps = (lead + count - 1) * per_sample
         edges = self.t[0] + (np.arange(steps + 1) / per_sample - lead) * self.spacing_s
         times = self.t[0] + np.arange(count) * self.spacing_s
-        kept, observed = np.empty((steps, 0)), np.empty((count, 0))
+        return self._held(edges, times, self.spacing_s / per_sample)
+
+    def _held(self, edges: FloatArray, times: FloatArray, step_s: float) -> SampledSignal:
+        """What is held between the edges of steps, and observed at samples, s on its clock."""
+        kept, observed = np.empty((edges.size - 1, 0)), np.empty((times.size, 0))
         names, waves = tuple(self.waveforms), self.waveforms.values()
         if names:
             kept = np.stack([wave.means(edges) for wave in waves], axis=1)
             observed = np.stack([wave.at(times) for wave in waves], axis=1)
-        return SampledSignal(names, self.spacing_s / per_sample, kept, observed)
+        return SampledSignal(names, step_s, kept, observed)
+
+    def on_grid(self, grid_s: float) -> tuple[Look, FloatArray] | None:
+        """Its run under the input by steps of one length, and where samples are between these.
+
+        Args:
+            grid_s: length of a step, s.
+
+        Returns:
+            The run, and the samples' times in steps, shape (n,); None: an unknown start.
+        """
+        if self.start == UNKNOWN:
+            return None
+        if grid_s not in self._grids:
+            lead = self.lead_steps()
+            at = np.asarray(
+                (lead + np.arange(self.y.size)) * (self.spacing_s / grid_s), dtype=float
+            )
+            count = max(FEWEST_ENDS, math.ceil(at[-1] * (1.0 - ROUNDED_STEPS)) + 1)
+            edges = self.t[0] - lead * self.spacing_s + grid_s * np.arange(count)
+            window = Window(tones_hz=(), settle_s=0.0, step_s=grid_s, samples=count)
+            self._grids[grid_s] = Look(window, self._held(edges, edges, grid_s), 1), at
+        return self._grids[grid_s]
+
+    @cached_property
+    def _grids(self) -> dict[float, tuple[Look, FloatArray]]:
+        return {}
 
     def look(self, fine: int, most: int = REFINED_STEPS) -> Look | None:
         """A closer look at its run under the input; None: nothing but its start moves it.
@@ -380,7 +413,13 @@ class Trace(TimeRecord):
         steps = 1 if plan is None else plan.per_sample
         if self.is_driven:
             # a late response to a pulse is one of another start, which is unknown anyway
-            window = replace(self.window(), delay_steps=plan.delay_steps if plan else 0)
+            delay_steps = plan.delay_steps if plan else 0
+            if plan and plan.grid_s and (asked := self.on_grid(plan.grid_s)):
+                look, at = asked
+                window = replace(look.window, delay_steps=delay_steps)
+                run = batch.ask(values, window, look.signal, output, owner)
+                return RequestedRuns(driven=run, at=at)
+            window = replace(self.window(), delay_steps=delay_steps)
             driven = batch.ask(values, window, self.signal(steps), output, owner)
             if plan is not None and plan.extrapolated:
                 half = self.signal(steps // 2)

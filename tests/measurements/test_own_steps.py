@@ -102,6 +102,44 @@ def test_steps_that_are_the_model_widen_nothing(tmp_path: Path, step_s: float) -
         assert fit[name].std == pytest.approx(least[k], rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("step_s", "told"),
+    [
+        pytest.param(0.01, False, id="a sample, undeclared"),
+        pytest.param(0.005, True, id="two in a sample", marks=pytest.mark.nightly),
+        pytest.param(0.004, True, id="two and a half in a sample"),
+        pytest.param(0.025, True, id="two and a half samples"),
+    ],
+)
+@pytest.mark.parametrize("own_step", ["error", "model"])
+def test_the_only_steps_that_an_fmu_takes_are_kept_to(
+    tmp_path: Path, step_s: float, told: bool, own_step: str
+) -> None:
+    """Others are refused; between their ends samples are interpolated.
+
+    The truth is that of Euler's method over these steps, a power at any time, where they belong to
+    the model, else the closed form.
+    """
+    since = np.maximum(T - 0.1, 0.0)
+    true = -np.expm1(-since / TAU)
+    if own_step == "model":
+        true = 1.0 - (1.0 - step_s / TAU) ** (since / step_s)
+    y = GAIN * true + SIGMA * np.random.default_rng(3).standard_normal(T.size)
+    annotation = AccuracyAnnotation(own_step=own_step)
+    setup = ff.Setup(ff.Drive(), "y", accuracy=1e-3, annotation=annotation)
+    trace = ff.Trace(T, y, setup=setup, input="u", driven=(T, U), interpolation="held")
+    path = build_euler_lag_fmu(tmp_path, step_s, told=told, refuses=True)
+    with ff.Fmu(path, workers=1) as fmu:
+        fit = ff.fit(ff.Problem(fmu, PARAMETERS, trace), method=QUICK, starts=1)
+    assert fit.result.plan is not None
+    [decision] = [d for d in fit.result.plan.decisions if d.kind == Kind.STEP]
+    assert decision.numbers["step_s"] == pytest.approx(step_s)
+    assert "refuses other steps" in decision_in_words(decision)
+    for name, value in (("tau", TAU), ("gain", GAIN)):
+        low, high = fit[name].interval()
+        assert low <= value <= high
+
+
 @pytest.mark.parametrize("step_s", [0.05, pytest.param(0.002, marks=pytest.mark.nightly)])
 def test_a_better_method_leaves_less_than_is_told(tmp_path: Path, step_s: float) -> None:
     """Heun's, of second order, which nothing tells from outside."""
