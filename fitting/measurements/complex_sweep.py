@@ -78,8 +78,9 @@ from fitting.measurements.figure import (
     Axis,
     Figure,
     compared,
-    record_figure,
     residual_points,
+    root_mean_square,
+    worded,
 )
 from fitting.measurements.gain import SharedGain, Solved
 from fitting.measurements.maps import ControlMaps, MappedSpectrum
@@ -104,7 +105,7 @@ from fitting.text.arrays import (
 )
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding
-from fitting.text.notation import hertz, number, prefixed
+from fitting.text.notation import hertz, prefixed
 from fitting.text.schema import FileName, Keys, OneOf, Refused, Switch, Text, Value, refusing
 from fitting.text.tables import hertz_of
 from fitting.text.units import convert, in_unit, parse_quantity
@@ -291,19 +292,9 @@ class ComplexCurve(Record, Curve):
         ]
         left = 100.0 * (after - self.y) / self.largest
         panels.append(residual_points((x, OF_LARGEST), f, (("X", left.real), ("Y", left.imag))))
-        rms = number(float(np.sqrt(np.mean(np.abs(left) ** 2) / 2.0)), 2)
-        return record_figure(
-            "complex_sweep",
-            "Complex sweep",
-            self.label,
-            caption=(
-                f"Both quadratures at {f.size} frequencies with the model before and after the "
-                f"fit; wiring: {self.wiring.kind}, background: {self.wiring.background}. Below: "
-                f"what the fit leaves, {rms} % of the largest value in each quadrature (rms)."
-            ),
-            alt=f"X and Y at {f.size} frequencies with the fitted model; residual {rms} % rms.",
-            panels=panels,
-        )
+        rms = root_mean_square([left.real, left.imag])
+        rows = [[panel] for panel in panels]
+        return worded("complex_sweep", rows, label=self.label, curve=self, rms=rms)
 
 
 #: What one mode may leave of a response that counts as that of a single one.

@@ -7,6 +7,7 @@ drawing library: a layer has a role, not a look.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from enum import Enum
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fitting.text.arrays import FloatArray
+from fitting.text.rendering import blocks
 
 
 class Role(Enum):
@@ -238,7 +240,7 @@ def residual_points(
             for role, (label, part) in zip((Role.SIMULATED, Role.OTHER), parts, strict=False)
         ),
         level=0.0,
-        rms=root_mean_square([part for _, part in parts[:1]]),
+        rms=root_mean_square([part for _, part in parts]),
         height=0.5,
     )
 
@@ -253,32 +255,45 @@ def root_mean_square(parts: Sequence[FloatArray]) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
-def record_figure(
-    name: str,
-    noun: str,
-    label: str,
+def worded(
+    macro: str,
+    rows: Sequence[Sequence[Panel]],
     *,
-    caption: str,
-    alt: str,
-    panels: Sequence[Panel],
+    name: str = "",
+    label: str = "",
+    series: str = "",
+    **records: Any,
 ) -> Figure:
-    """The figure of one record of a kind, its panels one below the other.
+    """The figure of a measurement, with what a macro of `text/templates/captions.txt.j2` writes.
 
     Args:
-        name: of the kind, for files.
-        noun: of the kind, for the title.
-        label: of the record; empty: the only one.
-        caption: below the figure.
-        alt: for those who do not see it.
-        panels: from above.
+        macro: its name.
+        rows: of panels.
+        name: of the figure, for files; empty: that of the macro.
+        label: of one record of a kind; empty: the only one.
+        series: of the measurement.
+        **records: that the macro prints.
     """
+    written = getattr(blocks("captions"), macro)(label, **records)
+    title, caption, alt = figure_words(str(written))
     return Figure(
-        name=f"{name}{f'_{label}' if label else ''}".replace("/", "_"),
-        title=f"{noun}{f' {label}' if label else ''}: measured and simulated",
+        name="_".join(filter(None, (name or macro, label))).replace("/", "_"),
+        title=title,
         caption=caption,
         alt=alt,
-        rows=tuple((panel,) for panel in panels),
+        rows=tuple(map(tuple, rows)),
+        series=series,
     )
+
+
+def figure_words(text: str) -> tuple[str, str, str]:
+    """Title, caption, and what is read to those who do not see a figure, else the caption.
+
+    Args:
+        text: as templates write it, with "¦" between.
+    """
+    title, caption, *alt = (part.strip() for part in re.sub(r"[ \n]+", " ", text).split("¦"))
+    return title, caption, alt[0] if alt else caption
 
 
 #: Points that are drawn of a layer, at most: the first and last of equal stretches.

@@ -21,9 +21,10 @@ from fitting.measurements.figure import (
     Panel,
     Role,
     root_mean_square,
+    worded,
 )
 from fitting.text.arrays import FloatArray, Scalar
-from fitting.text.notation import hertz, how_many, listed, unit_text
+from fitting.text.notation import hertz, listed, unit_text
 
 #: Texts along a map of numbered spectra.
 MOST_TICKS = 10
@@ -136,22 +137,19 @@ class ControlMaps:
         return result
 
     @property
-    def gap(self) -> str:
-        """Words for the closest approach of maxima of the model, empty where there is none."""
+    def closest(self) -> list[tuple[float, str]]:
+        """Closest approach of maxima of the model, Hz and where; behind it that of each neighbours.
+
+        Neighbours, from the lowest up, where there are three maxima or more.
+        """
         apart = [(float(np.min(np.diff(f))), at) for at, f in self.branches if f.size > 1]
         if not apart:
-            return ""
-        least, at = min(apart)
-        text = f" The model's maxima come closest at {self._place(at)}"
-        text += f", {hertz(least, digits=4)} apart."
-        most = max(f.size for _, f in self.branches)
-        if most < 3:
-            return text
+            return []
+        closest, most = [min(apart)], max(f.size for _, f in self.branches)
         full = [(np.diff(f), at) for at, f in self.branches if f.size == most]
-        closest = [min((float(gaps[k]), at) for gaps, at in full) for k in range(most - 1)]
-        each = listed(f"{hertz(gap, digits=4)} at {self._place(at)}" for gap, at in closest)
-        text += f" Where there are {most}, neighbours come closest, from the lowest up, to {each}."
-        return text
+        for k in range(most - 1 if most > 2 else 0):
+            closest.append(min((float(gaps[k]), at) for gaps, at in full))
+        return [(gap_hz, self._place(at)) for gap_hz, at in closest]
 
     def _place(self, at: float) -> str:
         """A value of the control, or a numbered spectrum, in words."""
@@ -176,23 +174,15 @@ class ControlMaps:
             return Panel(x=self._axis, y=y_axis, z=axis, layers=(drawn, *further), title=title)
 
         controls = self._label_controls if self.numbered else (self.control,)
-        ordered = ", in the order of the data" if self.numbered else ""
-        return Figure(
-            name=self.name,
-            title=f"Response over {listed((*controls, 'drive frequency'))}",
-            caption=(
-                f"{self.what} of {len(sizes)} spectra over {self.over}{ordered}, measured, "
-                f"simulated with the fitted parameters, and what is left.{self.gap}"
+        rows = (
+            (
+                panel("measured", "measured", self.amplitude, *marks),
+                panel("simulated, fitted parameters", "fitted", self.amplitude, *marks),
             ),
-            alt=f"Maps of {len(sizes)} spectra over {self.over}: measured, simulated, difference.",
-            rows=(
-                (
-                    panel("measured", "measured", self.amplitude, *marks),
-                    panel("simulated, fitted parameters", "fitted", self.amplitude, *marks),
-                ),
-                (panel("difference", "left", self.rest),),
-            ),
-            series=self.series,
+            (panel("difference", "left", self.rest),),
+        )
+        return worded(
+            "maps", rows, name=self.name, series=self.series, maps=self, controls=controls
         )
 
 
@@ -250,16 +240,5 @@ def lines_figure(maps: ControlMaps) -> Figure:
         )
         left = Layer(Role.MEASURED, Form.POINTS, s.frequency_hz, s.left)
         below.append(Panel(x=x, y=rest, layers=(left,), level=0.0, rms=rms, height=0.45))
-    count = how_many(len(maps.spectra), "sweep")
-    marked = f" Maxima of the fitted curve are marked: {'; '.join(stated)}." if stated else ""
-    return Figure(
-        name=maps.name,
-        title="Response at each setting",
-        caption=(
-            f"{maps.what} of {count}: measured points, the fitted model as a curve, and the "
-            f"difference (simulated − measured) below.{marked}"
-        ),
-        alt=f"Lines of {count}: measured points on the fitted curve, and residuals.",
-        rows=(tuple(above), tuple(below)),
-        series=maps.series,
-    )
+    rows = (above, below)
+    return worded("map_lines", rows, name=maps.name, series=maps.series, maps=maps, marked=stated)

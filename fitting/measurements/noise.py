@@ -41,8 +41,8 @@ from fitting.measurements.figure import (
     Layer,
     Role,
     compared,
-    record_figure,
     residual_points,
+    worded,
 )
 from fitting.measurements.gain import Solved
 from fitting.measurements.measurement import Estimated, Predicting, Prediction, Values
@@ -62,7 +62,6 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, as_numbers
 from fitting.text.errors import BadInput, NoScale
 from fitting.text.finding import Finding, Kind
-from fitting.text.notation import number
 from fitting.text.schema import (
     FileName,
     Keys,
@@ -505,25 +504,8 @@ class NoiseSpectrum(OfSetup, Curve):
         rows = self.residuals(fitted)
         rest = residual_points((x, Axis("signed root of deviance")), u, [("", rows[every])])
         share = float(np.mean((self.y >= low * fitted) & (self.y <= high * fitted)))
-        inside = f"{number(100.0 * share, 3)} % of the points lie within the band"
-        averages = f"{number(self.count, 4)} averages"
-        if self.averages is None:
-            averages = f"about {number(self.count, 2)} averages, by their scatter,"
-        return record_figure(
-            "noise",
-            "Noise spectrum",
-            self.label,
-            caption=(
-                f"{self.observed_hz.size} points of {averages} with the "
-                f"model before and after the fit; {inside} that holds "
-                "95 % of them if the model is right. Below: the signed roots of their deviances."
-            ),
-            alt=(
-                f"A noise spectrum of {self.observed_hz.size} points with the fitted model; "
-                f"{inside}."
-            ),
-            panels=(shown, rest),
-        )
+        panels = [[shown], [rest]]
+        return worded("noise", panels, label=self.label, spectrum=self, share=share)
 
 
 #: Steps at most, and the relative change that ends them.

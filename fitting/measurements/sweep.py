@@ -19,7 +19,7 @@ import numpy as np
 from fitting.campaign import BoundCampaign, Setup, SweepData
 from fitting.campaign.noise import maximum_sigma, sweep_scale_sigma, sweep_sigmas
 from fitting.lines.form import LineFit, fit_resonance
-from fitting.lines.names import ADDED, OFFSET, SLOPE
+from fitting.lines.names import ADDED, OFFSET
 from fitting.lines.sweep_model import along
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.figure import (
@@ -31,6 +31,8 @@ from fitting.measurements.figure import (
     Role,
     compared,
     residual_points,
+    root_mean_square,
+    worded,
 )
 from fitting.measurements.measurement import (
     Measurement,
@@ -458,29 +460,16 @@ class Sweep(Measurement):
         parts = [("model", left)]
         if line is not None:
             parts.append(("resonance fit", percent * (np.real(line.curve) - measured)))
-        role = "is fitted point by point" if self.fitted else "sets the scale χ only"
-        nearby = {OFFSET: " with a constant background", SLOPE: " with a sloped background"}
-        role += f"{nearby[self.added]}, which is solved for" if self.solved_inside else ""
-        words, stated = f"One damped mode could not be fitted to it: {failure}.", "."
-        if line is not None:
-            words = (
-                f"The fit of one damped mode to the points gives {', '.join(resonance_words(line))}"
-                f"; its residual is {100 * line.rms_residual:.2g} % of its amplitude."
-            )
-            stated = f"; {', '.join(resonance_words(line))}."
-        rms = float(np.sqrt(np.mean(left**2)))
-        figure = Figure(
-            name="frequency_response",
-            title="Frequency response: measured, resonance fit, simulated",
-            caption=(
-                f"Frequency response as measured ({f.size} points), which {role} "
-                f"(χ {SCALE_WORDS[self.scaled_by]}), and as simulated with the start and with the "
-                "fitted parameters. Below: differences from the measured points; those of the "
-                f"simulation have an rms of {rms:.2g} % of the maximum. {words}"
-            ),
-            alt=f"Resonance curve with {f.size} measured points and the simulated curve{stated}",
-            rows=((shown,), (residual_points((shown.x, OF_MAXIMUM), f, parts),)),
+        figure = worded(
+            "frequency_response",
+            [[shown], [residual_points((shown.x, OF_MAXIMUM), f, parts)]],
             series=self.series,
+            sweep=self,
+            scaled=SCALE_WORDS[self.scaled_by],
+            line=line,
+            words=[] if line is None else resonance_words(line),
+            failure=failure,
+            rms=root_mean_square([left]),
         )
         return (figure,)
 

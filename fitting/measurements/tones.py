@@ -27,7 +27,16 @@ from fitting.campaign import BoundCampaign, Experiment, Setup
 from fitting.campaign.noise import ENOUGH_REPEATS, Noise, repeat_scatter
 from fitting.fmu.runs import Segment
 from fitting.measurements.driven_model import DrivenModel
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import (
+    Axis,
+    Figure,
+    Form,
+    Layer,
+    Panel,
+    Role,
+    root_mean_square,
+    worded,
+)
 from fitting.measurements.gain import gains_of
 from fitting.measurements.measurement import (
     Measurement,
@@ -49,7 +58,7 @@ from fitting.simulate.words import window_in_words
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar, both_parts
 from fitting.text.errors import BadInput
 from fitting.text.finding import Kind
-from fitting.text.notation import freedom_words, listed, number, percent, prefixed
+from fitting.text.notation import freedom_words, number, percent, prefixed
 
 #: Spectra in a figure, and side by side: a figure is to stay readable.
 MOST_SPECTRA, SPECTRA_PER_ROW = 20, 5
@@ -312,31 +321,19 @@ def spectra_figure(
         for values in zip(*simulated, strict=True)
     )
     floors = [e.floor_v for e in experiments]
-    known, stated = [f for f in floors if np.isfinite(f) and f > 0.0], ""
+    known = [f for f in floors if np.isfinite(f) and f > 0.0]
+    stated: tuple[str, ...] = ()
     if known:
         factor, prefix_unit = prefixed(max(known), unit)
-        low, high = (number(f(known) / factor, 2) for f in (min, max))
-        stated = f" The noise floor (mean magnitude {low} to {high} {prefix_unit}) is in the trace."
-    if len(experiments) > MOST_SPECTRA:
-        stated += f" The first {MOST_SPECTRA} of {len(experiments)} experiments are shown."
-    return Figure(
-        name="spectra",
-        title="Spectra, measured and simulated",
-        caption=(
-            "Spectra measured (solid) and amplitudes simulated at the drive frequencies (dashed), "
-            "scaled by χ of Algorithm 1: above with the start parameters, below with the fitted "
-            "ones. Black bars join measured and simulated peak; the difference relative to the "
-            "measured peak stands above each panel, in the order of the tones. Vertical lines are "
-            f"the drive frequencies.{stated}"
-        ),
-        alt=(
-            f"A column per experiment ({listed(e.label for e, _ in shown)}), above with the start "
-            "parameters, below with the fitted ones: measured spectrum, simulated line at every "
-            f"drive frequency. The mean deviation goes from {number(mean_before, 3)} to "
-            f"{number(mean_after, 3)}."
-        ),
-        rows=tuple(rows),
+        stated = (*(number(f(known) / factor, 2) for f in (min, max)), prefix_unit)
+    return worded(
+        "spectra",
+        rows,
         series=series,
+        labels=[e.label for e, _ in shown],
+        count=len(experiments),
+        floors=stated,
+        deviations=(mean_before, mean_after),
     )
 
 
@@ -535,48 +532,30 @@ class ComplexTones(Tones):
         f = np.concatenate([e.read_hz for e in self.experiments])
         off = [np.degrees(np.angle(s / self.y)) for s in (before, after)]
         sigma = np.degrees(self.sigma[self.peaks_v.size :])
-        rms = number(float(np.sqrt(np.mean(off[1] ** 2))), 2)
         known = sigma if np.all(sigma > 0.0) else np.empty(0)
-        return Figure(
-            name="phases",
-            title="Phases, simulated minus measured",
-            caption=(
-                f"How far the phases of {f.size} lines are off, with the start parameters and with "
-                f"the fitted ones: {rms} degrees (rms). {_SOLVED[self.unknown]}"
-            ),
-            alt=f"Phases of {f.size} lines over frequency, simulated minus measured, {rms} deg.",
-            rows=(
-                (
-                    Panel(
-                        x=Axis("f", "Hz"),
-                        y=Axis("phase, simulated minus measured", "deg"),
-                        layers=(
-                            Layer(Role.START, Form.POINTS, f, off[0], label="start parameters"),
-                            Layer(
-                                Role.SIMULATED,
-                                Form.POINTS,
-                                f,
-                                off[1],
-                                label="fitted parameters",
-                                sigma=known,
-                            ),
-                        ),
-                        level=0.0,
-                    ),
+        shown = Panel(
+            x=Axis("f", "Hz"),
+            y=Axis("phase, simulated minus measured", "deg"),
+            layers=(
+                Layer(Role.START, Form.POINTS, f, off[0], label="start parameters"),
+                Layer(
+                    Role.SIMULATED, Form.POINTS, f, off[1], label="fitted parameters", sigma=known
                 ),
             ),
+            level=0.0,
+        )
+        rms = root_mean_square([off[1]])
+        return worded(
+            "phases",
+            [[shown]],
             series=self.series,
+            count=f.size,
+            rms=rms,
+            unknown=self.unknown,
         )
 
     def _line_values(self, batch: Batch, k: int, window: Window, output: str) -> Values:
         return batch.phasors(k, window, output)
-
-
-_SOLVED = {
-    "phase": "The reference phase is the one that suits best.",
-    "gain": "The complex gain is the one that suits best.",
-    "none": "Phases are those of the drive.",
-}
 
 
 def phases_of(experiment: Experiment) -> FloatArray:

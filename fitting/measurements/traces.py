@@ -56,8 +56,9 @@ from fitting.measurements.figure import (
     Panel,
     Role,
     compared,
-    record_figure,
     residual_points,
+    root_mean_square,
+    worded,
 )
 from fitting.measurements.measurement import Values
 from fitting.measurements.records import ReadColumn, StatedTable, check_words
@@ -89,7 +90,6 @@ from fitting.text.arguments import checked
 from fitting.text.arrays import ComplexArray, FloatArray, IntArray, Scalar, as_numbers, both_parts
 from fitting.text.errors import BadInput
 from fitting.text.finding import Finding, Kind, note
-from fitting.text.notation import hertz, number
 from fitting.text.schema import (
     Count,
     FileName,
@@ -458,28 +458,14 @@ class Trace(TimeRecord):
         )
         left = after.real - self.y
         rest = residual_points((x, OF_LARGEST), t, [("", (100.0 * left / self.largest)[every])])
-        rms = number(100.0 * float(np.sqrt(np.mean(left**2))) / self.largest, 2)
-        which = f"{count} samples" if every.step == 1 else f"One of {every.step} of {count} samples"
-        waves = self.waveforms
-        driven = "; ".join(
-            wave.words if len(waves) == 1 else f"{name}: {wave.words}"
-            for name, wave in waves.items()
-        )
-        start = "the FMU begins with its start values"
-        if self.start != REST:
-            start = f"its state at {self.first_words}, {self.states} numbers, is solved for"
-        return record_figure(
+        return worded(
             "trace",
-            "Trace",
-            self.label,
-            caption=(
-                f"{which} with the model before and after the fit; {driven or 'no input'}; "
-                f"{start}. Below: what the fit leaves, {rms} % of the largest distance from the "
-                "mean (rms), and its autocorrelation, with the band that holds 95 % of it where it "
-                "is white."
-            ),
-            alt=f"A trace of {count} samples with the fitted model; residual {rms} % rms.",
-            panels=(shown, rest, autocorrelation(left)),
+            [[shown], [rest], [autocorrelation(left)]],
+            label=self.label,
+            trace=self,
+            every=every.step,
+            begins=self.start != REST,
+            rms=100.0 * root_mean_square([left]) / self.largest,
         )
 
 
@@ -1048,24 +1034,9 @@ class DemodulatedTrace(TimeRecord):
         names = ("",) if self.is_amplitude else ("X", "Y")
         shares = [100.0 * part[every] for part in parts]
         rest = residual_points((x, OF_LARGEST), t, list(zip(names, shares, strict=True)))
-        rms = number(100.0 * float(np.sqrt(np.mean(left**2))), 2)
-        what = "amplitudes" if self.is_amplitude else "phasors"
-        factors = f"its amplitude at {self.first_words} is"
-        if self.modes > 1:
-            factors = f"the amplitudes of {self.modes} modes at {self.first_words} are"
-        return record_figure(
-            "demodulated",
-            "Demodulated trace",
-            self.label,
-            caption=(
-                f"{self.y.size} {what} at {hertz(self.frequency_hz)} with the model before and "
-                f"after the fit; {factors} solved for. Below: what the fit leaves, {rms} % of the "
-                "largest value (rms), and its autocorrelation, with the band that holds 95 % of it "
-                "where it is white."
-            ),
-            alt=f"A decay of {self.y.size} {what} with the fitted model; residual {rms} % rms.",
-            panels=(*panels, rest, autocorrelation(parts[0])),
-        )
+        rms = 100.0 * root_mean_square([left])
+        rows = [[panel] for panel in (*panels, rest, autocorrelation(parts[0]))]
+        return worded("demodulated", rows, label=self.label, trace=self, rms=rms)
 
 
 #: Steps at most, the relative one that ends them, and the damping of the first: its factors.

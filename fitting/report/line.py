@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.lines.noise_spectrum import NoiseLine
 from fitting.lines.record import MeasuredLine
-from fitting.measurements.figure import Axis, Figure, Form, Layer, Panel, Role
+from fitting.measurements.figure import Axis, Form, Layer, Panel, Role, worded
 from fitting.report.figures.measurements import draw_measurement
 from fitting.report.figures.style import save, style
 from fitting.report.shown import ShownCampaign
@@ -81,13 +81,8 @@ def write_lines(
         )
         if np.any(known):
             panels.append(Panel(x=Axis(name, unit), y=Axis(label, "Hz"), layers=(layer,)))
-    drawn = Figure(
-        name="lines",
-        title=f"Lines over {name}",
-        caption=f"Frequency and FWHM of the lines of {len(rows)} files over {name}.",
-        alt=f"Frequency and FWHM over {name}.",
-        rows=tuple((panel,) for panel in panels),
-    )
+    rows_of_panels = [[panel] for panel in panels]
+    drawn = worded("lines_of_files", rows_of_panels, name="lines", control=name, count=len(rows))
     with style():
         shown = ShownCampaign(title=f"{len(rows)} files", synthetic=False)
         figure = save(draw_measurement(drawn, shown), out, formats=("png",))

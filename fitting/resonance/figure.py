@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from fitting.lines.line import Line
@@ -19,9 +17,9 @@ from fitting.measurements.figure import (
     Panel,
     Role,
     root_mean_square,
+    worded,
 )
 from fitting.text.arrays import ComplexArray, FloatArray
-from fitting.text.notation import hertz, number, prefixed, quantity, with_error
 
 #: Points of a ringdown and of a noise spectrum up to which all are drawn; of more every so many.
 DRAWN = 20_000
@@ -36,12 +34,8 @@ def figure_of(result: MeasuredLine) -> Figure:
     every = -(-len(result.points.place) // DRAWN)
     places = np.array(result.points.place)[::every]
     measured, fitted = (np.asarray(values[::every]) for values in result.points.arrays())
-    some = "" if every == 1 else f" (every {every}th is drawn)"
     unit = "" if result.unit == "1" else result.unit
-    # frequency, where it is known, and width
-    f, width = (quantity(each.value, each.std, "Hz") for each in (result.frequency, result.width))
-    words = f"f = {f}, width {width}" if math.isfinite(result.frequency.value) else f"width {width}"
-    title, further = f"One resonance: {words}", []
+    further: list[Panel] = []
     marked: tuple[float, ...] = ()
     left: FloatArray | ComplexArray
     if isinstance(result, Line):
@@ -54,19 +48,9 @@ def figure_of(result: MeasuredLine) -> Figure:
             both = _layers(places, np.rad2deg(near), np.rad2deg(phase))
             axis = Axis("phase", "°")
             further = [Panel(x=x, y=axis, layers=both, marked=marked, height=0.7)]
-        share, label = "% of line", "measured minus fitted"
+        kind, share, label = "line", "% of line", "measured minus fitted"
         left = np.asarray(100.0 * (measured - fitted) / result.amplitude.value)
-        rms = number(100.0 * result.rms_residual, 2)
-        caption = (
-            f"{len(result.points.place)} points{some} with the fitted line ({result.wiring}) and "
-            f"what the fit leaves of them, {rms} % of the line (rms). {words}."
-        )
-        alt = f"Resonance near {hertz(result.frequency.value)} with its fit. {words}."
     elif isinstance(result, Ringdown):
-        decay = result.decay_time
-        factor, prefix = prefixed(decay.value, "s")
-        title = f"Ringdown: {words}"
-        words += f", decay time {with_error(decay.value / factor, decay.std / factor, prefix)}"
         samples = result.kind == SAMPLES
         sizes, curve = (np.asarray(v.real if samples else np.abs(v)) for v in (measured, fitted))
         # a decay goes on falling below what was recorded in its noise
@@ -76,37 +60,19 @@ def figure_of(result: MeasuredLine) -> Figure:
         x = Axis("time t", "s")
         y = Axis("recorded" if samples else "amplitude", unit, log=not samples, low=low)
         layers = _layers(places, sizes, curve, "recorded", "fitted decay")
-        share, label = "% of A", "recorded minus fitted"
+        kind, share, label = "ringdown", "% of A", "recorded minus fitted"
         left = np.asarray(100.0 * (measured - fitted) / result.amplitude.value)
-        caption = (
-            f"{len(result.points.time_s)} samples{some} with the fitted decay ({result.form}) and "
-            f"what the fit leaves of them, {number(100.0 * result.rms_residual, 2)} % of the "
-            f"amplitude at the first sample (rms). {words}."
-        )
-        alt = f"Ringdown with its fit. {words}."
     else:
         assert isinstance(result, NoiseLine)  # noqa: S101 - there is no fourth kind
-        title = f"Noise spectrum: {words}"
         unit = "relative" if result.unit == "1" else f"{result.unit}²/Hz"
         x, y = Axis("frequency f", "Hz"), Axis("density", unit, log=True)
         layers = _layers(places, measured.real, fitted.real, curve="fitted line and floor")
-        share, label = "% of the fit", "measured minus fitted"
+        kind, share, label = "noise_line", "% of the fit", "measured minus fitted"
         left = np.asarray(100.0 * (measured.real / fitted.real - 1.0))
-        caption = (
-            f"{len(result.points.frequency_hz)} points{some} with the fitted line on a white "
-            "floor, and what the fit leaves of them as shares of itself: they scatter as averages "
-            f"of {number(result.averages, 2)} periodograms. {words}."
-        )
-        alt = f"Noise spectrum with its fit. {words}."
     panels = [Panel(x=x, y=y, layers=layers, marked=marked), *further]
     panels.append(_residuals(x, places, left, share, label, marked))
-    return Figure(
-        name="line",
-        title=title,
-        caption=caption,
-        alt=alt,
-        rows=tuple((panel,) for panel in panels),
-    )
+    rows = [[panel] for panel in panels]
+    return worded(kind, rows, name="line", result=result, every=every)
 
 
 def _layers(

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import math
-import re
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,6 +28,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
 
 from fitting.measurements.figure import Figure as Described
+from fitting.measurements.figure import figure_words
 from fitting.report.figures.data import figure_csv
 from fitting.report.screen import phrase
 from fitting.text.notation import on_log_axis
@@ -265,9 +265,8 @@ def described(name: str, **records: Any) -> Described:
     """
     package, _, name = name.rpartition("/")
     template = f"{package}/text" if package else "figures"
-    text = re.sub(r"[ \n]+", " ", phrase(template, name, **records))
-    title, caption, *alt = (part.strip() for part in text.split("¦"))
-    return Described(name=name, title=title, caption=caption, alt=alt[0] if alt else caption)
+    title, caption, alt = figure_words(phrase(template, name, **records))
+    return Described(name=name, title=title, caption=caption, alt=alt)
 
 
 def new_figure(
