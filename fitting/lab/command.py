@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import fitting as ff
 from fitting.extension.command import bounded_number, command_line, declare, writes
-from fitting.lab.names import CROSSING, CURVES, PUMPED, SERIES, SUBHARMONIC, TRUTH_NAME
+from fitting.lab.names import (
+    CROSSING,
+    CURVES,
+    PUMPED,
+    SERIES,
+    SUBHARMONIC,
+    TRUTH_NAME,
+    VOLTAGE,
+)
 
 if TYPE_CHECKING:
     from fitting.lab.instruments import LockIns
@@ -166,7 +174,7 @@ def _refuse_meaningless(args: argparse.Namespace) -> None:
     others, reason = set(), ""
     if curve:
         others = given.keys() - ({"phases", "modes", "reference"} if crossing else set())
-    elif args.series in (PUMPED, SUBHARMONIC):
+    elif args.series in (PUMPED, SUBHARMONIC, VOLTAGE):
         others = {"phases", "cross-mode"}
         reason = ", whose sweeps of one line are recorded as amplitudes; wanted none"
     for option, is_given in given.items():

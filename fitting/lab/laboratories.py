@@ -33,6 +33,7 @@ from fitting.lab.pumped import PumpedBench, PumpedString
 from fitting.lab.string import TwoModes
 from fitting.lab.subharmonic import SubharmonicBench
 from fitting.lab.time_series import DECAY, LET_GO, StringRecord
+from fitting.lab.voltage import VoltageBench
 from fitting.lab.writer import ELSEWHERE, record_table
 from fitting.text.errors import BadInput, shown
 from fitting.text.records import from_plain
@@ -47,7 +48,7 @@ AnyBench = Bench | PumpedString | WiredResonance | AvoidedCrossing | StringRecor
 SweptBench = AvoidedCrossing | PumpedString
 #: Coefficients of cubic terms, by their fields of `CubicModes`.
 CUBIC = ("alpha1", "alpha2", "kappa")
-PUMPED_BENCHES = {kind.kind: kind for kind in (PumpedBench, SubharmonicBench)}
+PUMPED_BENCHES = {kind.kind: kind for kind in (PumpedBench, SubharmonicBench, VoltageBench)}
 B = TypeVar("B", bound=AnyBench)
 
 

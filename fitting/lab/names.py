@@ -9,6 +9,8 @@ BENCHES = ("q1", "q2", "q1-published", "q2-published", DUFFING)
 PUMPED = "pumped"
 #: The bench under a pump at the distance of the modes and at half of it, `fitting.lab.subharmonic`.
 SUBHARMONIC = "string_pumped"
+#: The bench over a bias voltage, and under a pump by it, `fitting.lab.voltage`.
+VOLTAGE = "string_vdc"
 #: Curves, `fitting.lab.curves`.
 WIRED = ("transmission", "notch", "reflection")
 CROSSING = "crossing"
@@ -18,7 +20,7 @@ RINGDOWN, CHIRP = TIME_SERIES = ("ringdown", "chirp")
 LOCK_IN, ZERO_SPAN = DEMODULATED = ("lock-in", "zero-span")
 CURVES = (*WIRED, CROSSING, *TIME_SERIES, *DEMODULATED)
 #: Series of the virtual laboratory.
-SERIES = (*BENCHES, PUMPED, SUBHARMONIC)
+SERIES = (*BENCHES, PUMPED, SUBHARMONIC, VOLTAGE)
 #: Synthetic campaigns whose accuracy is compared with its cost: a series of the virtual laboratory,
 #: or a curve.
 SCENES = {

@@ -28,7 +28,7 @@ from fitting.lab.bench import DRIFTING, OUTPUTS, Bench, Cell, Row, measure_rows
 from fitting.lab.curves import AvoidedCrossing
 from fitting.lab.instruments import Averaged
 from fitting.lab.laboratories import AnyBench, SweptBench
-from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC
+from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC, VOLTAGE
 from fitting.lab.string import Drive
 from fitting.lab.writer import synthetic_files, truth_tables, written_mhz
 from fitting.measurements.complex_sweep import ComplexControlSweepTable
@@ -72,7 +72,7 @@ def planned(truth: object, bench: AnyBench, path: Path, seed: int, head: Sequenc
             return _sweeps(plan, plan.sweeps, bench, seed, head)
         raise BadInput(
             f"{truth}: is no laboratory of sweeps over a control; wanted one of "
-            f"{CROSSING!r}, {PUMPED!r} or {SUBHARMONIC!r}"
+            f"{CROSSING!r}, {PUMPED!r}, {SUBHARMONIC!r} or {VOLTAGE!r}"
         )
     if isinstance(bench, AvoidedCrossing):
         return _tones(plan, bench, seed, head)

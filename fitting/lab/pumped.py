@@ -180,6 +180,16 @@ class PumpedString(ABC):
             "minus": written_mhz(self.string.eta_minus_hz),
         }
 
+    def edit(self, tables: Tables) -> None:
+        """Write its numbers into a campaign.
+
+        Args:
+            tables: of the sample campaign.
+        """
+        tables["control_sweep"]["sigma"] = f"{self.noise_v!r} V"
+        for name, value in self.constants().items():
+            tables["constants"][name] = value
+
     def truth(self, seed: int) -> dict[str, Any]:
         """Everything that was put in; all tables but [outcome] make the bench again.
 
@@ -205,15 +215,9 @@ class PumpedString(ABC):
         Raises:
             ValueError: a pump makes the motion grow, which has no steady state.
         """
-
-        def edit(tables: Tables) -> None:
-            tables["control_sweep"]["sigma"] = f"{self.noise_v!r} V"
-            for name, value in self.constants().items():
-                tables["constants"][name] = value
-
         measured, truth = measure_pumped(self, seed), self.truth(seed)
         columns = self.columns() | {"amplitude (uV)": measured.amplitude_v.ravel() * 1e6}
-        campaign = sample_campaign(self.kind, edit, head)
+        campaign = sample_campaign(self.kind, self.edit, head)
         return measured, truth, synthetic_files(campaign, {"sweeps.csv": columns}, truth, head)
 
     def about_plus_hz(self, span_hz: float) -> FloatArray:

@@ -105,9 +105,10 @@ def synthesize(
 
     Args:
         truth: "q1", "q2" (the paper's series), "duffing", "pumped" (swept under a pump),
-            "string_pumped", a kind of `synthesize_curves`, a bench or curve, or the path of a
-            synthetic campaign or its truth.toml. Of a plan of sweeps "pumped", "crossing" or a
-            path, of tones at values of a control a path.
+            "string_pumped", "string_vdc" (over its bias voltage, and pumped), a kind of
+            `synthesize_curves`, a bench or curve, or the path of a synthetic campaign or its
+            truth.toml. Of a plan of sweeps "pumped", "crossing" or a path, of tones at values of a
+            control a path.
         seed: Of all noise, at least 0; the same seed gives the same numbers.
         instrument: How the series is read; None: the bench's.
         plan: A campaign proposed by `fmu-fit design` that is measured.

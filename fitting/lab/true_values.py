@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC, WIRED
+from fitting.lab.names import CROSSING, PUMPED, SUBHARMONIC, VOLTAGE, WIRED
 from fitting.lab.string import TwoModes
 
 #: Parameters that no drift moves, and values that follow from all of them.
@@ -46,6 +46,12 @@ def true_values(truth: Mapping[str, Any], *, reflection: bool = False) -> dict[s
         same = {name: result[name] for name in ("theta", "d1", "d2", "f1", "f2")}
         gain = float(truth[SUBHARMONIC]["depth_per_volt"])
         return {**same, "lambda12": result["lambda"], "gain": gain}
+    if VOLTAGE in truth:
+        bench, outcome, pumped = truth[VOLTAGE], truth["outcome"], truth["sweep"]
+        own = {name: float(getattr(modes, field)) for name, field in OWN.items()}
+        coupling = [*outcome["lambda_at_volts_hz"], *(outcome["lambda_hz"] for _ in pumped)]
+        own["lambda12"] = math.fsum(coupling) / len(coupling)
+        return {**own, "gain": float(bench["gain"]), "g2": float(bench["drive"])}
     drives = truth.get("experiment", ())
     places = [{k: e[k] for k in ("eta_plus_hz", "eta_minus_hz")} for e in drives]
     result = _of_samples([replace(modes, **place) for place in places] or [modes])

@@ -222,6 +222,12 @@ COMMANDS = (
     ),
     Command("unequal", "noise that grows or is correlated", smoke="2", quick=True),
     Command(
+        "vdc",
+        "lambda from a map over V_DC and pumped sweeps",
+        full=("", "--laboratories 5 --without-map"),
+        smoke="--laboratories 1",
+    ),
+    Command(
         "ways",
         "kinds of measurements against what design expects of them",
         full=("out/ways",),

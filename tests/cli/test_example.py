@@ -46,7 +46,7 @@ def test_an_example_is_written_whole(
     assert read_campaign(tmp_path / name / "campaign.toml").file.fmu.model
     told = capsys.readouterr().out
     assert f"fmu-fit reconstruct {name}/campaign.toml" in told
-    others = ("afm_sensor", "coupled_rlc", "string_pumped")
+    others = ("afm_sensor", "coupled_rlc", "string_pumped", "string_vdc")
     assert " sweep.csv" in told or name in others
     # into an empty folder, but never onto something
     (tmp_path / "empty").mkdir()

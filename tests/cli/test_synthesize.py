@@ -42,6 +42,7 @@ def contents(folder: Path) -> dict[str, bytes]:
         ("duffing_string", "duffing", 3),
         ("string_q1_published", "q1-published", 4),
         ("string_pumped", "string_pumped", 1),
+        ("string_vdc", "string_vdc", 1),
     ],
 )
 def test_shipped_campaigns_are_what_their_headers_say(
