@@ -152,7 +152,9 @@ def test_a_bounded_error_adds_its_worst_to_what_noise_makes(profiles: bool) -> N
     [said] = of_kind(found.findings, Kind.simulation_error)
     assert said.numbers["error"] == pytest.approx(promised)
     for name in said.names["values"]:
-        assert said.numbers[name] == found.parameters[name].simulation
+        value = found.parameters[name]
+        assert said.numbers[name] == value.simulation
+        assert said.numbers[f"{name}_noise"] == pytest.approx(value.std - value.simulation)
 
 
 @pytest.mark.parametrize("height", [0.0, 1.0, 3.0])

@@ -678,12 +678,12 @@ def check_simulation(solved: Solved) -> Iterator[Finding]:
     for name, value in solved.every.items():
         noise = value.std - value.simulation
         if value.status.has_value and value.simulation > WORTH_SAYING * noise:
-            shifts[name] = value.simulation
+            shifts |= {name: value.simulation, f"{name}_noise": noise}
             units.append(value.unit)
     if not shifts:
         return
     # a doubtful scale is far more than the simulation's own error
-    names = {"values": tuple(shifts), "units": tuple(units)}
+    names = {"values": tuple(shifts)[::2], "units": tuple(units)}
     if scale_off > 1.0:
         yield warning(Kind.scale_doubt, "sweep", names, **{"error": scale_off - 1.0} | shifts)
     else:
