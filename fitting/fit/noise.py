@@ -12,6 +12,8 @@ are correlated; rows then are off by B d with all |d_j| <= 1, a column of B for 
 
     e (1 + r) for its own row, as above, and one for chi where that is taken from a simulated sweep
 
+What halved steps of a trace were seen to change is one column of all its rows, with their signs.
+
 An estimate with the slopes G = d value/d rows is then off by sum_j |G B_j| at most. This is added
 to what noise makes of the error, for 68 % and for 95 % alike: no part of it averages out over rows
 or repetitions, so that a sum in quadrature would assume what is unknown. Source: Guide to the
@@ -157,7 +159,7 @@ def shared(data: Dataset, residuals: FloatArray) -> FloatArray:
 
 def _bounded(data: Dataset, point: Point) -> BoundedErrors:
     """What the simulation may be off by."""
-    if not any(point.promised):
+    if not any(point.promised) and not point.shift.size:
         return BoundedErrors.none()
     share = np.zeros(point.residuals.size)
     for promised, place in zip(point.promised, data.slices, strict=True):
@@ -167,6 +169,8 @@ def _bounded(data: Dataset, point: Point) -> BoundedErrors:
     # where a scale is one nothing was simulated for it
     simulated = {series: share for series, chi in enumerate(point.chis) if chi != 1.0}
     common = _along_scales(data, point.residuals, simulated)
+    if point.shift.size:
+        common = np.column_stack([common, point.shift])
     return BoundedErrors(share * along, common)
 
 

@@ -195,7 +195,8 @@ class Point:
     `residuals` (m,) of all measurements; `chis` the scale of every series; `scaled` chi times what
     the model predicts, one array per measurement; `scale_bias` the relative error that simulated
     grids leave in chi, at most; `runs` the number of simulations; `squares` and `row_weights` (m,)
-    are those of `Dataset.squares`; `promised` those of `Evaluation`.
+    are those of `Dataset.squares`; `promised` and `shift` those of
+    `Evaluation`.
     """
 
     x: FloatArray
@@ -208,6 +209,7 @@ class Point:
     squares: float = float("nan")
     row_weights: FloatArray = field(default_factory=lambda: np.empty(0))
     promised: tuple[float, ...] = ()
+    shift: FloatArray = field(default_factory=lambda: np.empty(0))
 
     @property
     def chi(self) -> float:
@@ -297,6 +299,7 @@ def _point(objective: Objective, x: FloatArray, evaluation: Evaluation) -> Point
         squares=squares,
         row_weights=row_weights,
         promised=evaluation.promised,
+        shift=evaluation.shift,
     )
 
 

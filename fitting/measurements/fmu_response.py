@@ -22,8 +22,10 @@ from fitting.fmu.runs import Run
 from fitting.measurements.dataset import places_of_outputs
 from fitting.measurements.driven_model import DrivenModel
 from fitting.measurements.measurement import Evaluation, Measurement
+from fitting.measurements.time_record import Traces
 from fitting.signal.window import tone_misfit
 from fitting.simulate.batch import Batch, Workers, answered, together
+from fitting.simulate.budget import Kind
 from fitting.text.arrays import FloatArray, IntArray, Scalar
 from fitting.text.errors import FmuFailure, NoAnswer
 
@@ -201,15 +203,36 @@ class FmuResponse:
         self._read_already.update(zip((table[k].tobytes() for k in read), outputs, strict=False))
         runs = batch.count(len(table))
         return [
-            Evaluation(tuple(column[k] for column in columns), int(runs[k]), self._promised)
+            Evaluation(tuple(c[k] for c in columns), int(runs[k]), self._promised, self._shift)
             for k in range(len(table))
         ]
 
     @cached_property
     def _promised(self) -> tuple[float, ...]:
         """What the plans promise, by measurement; nothing where nothing was decided."""
-        result = (self.models[m.series].plan.promised for m in self.measurements)
-        return tuple(0.0 if np.isnan(promised) else promised for promised in result)
+        result = []
+        for m, shift in zip(self.measurements, self._shifts, strict=True):
+            plan = self.models[m.series].plan
+            known = plan.budget.of(Kind.STEP) if plan.budget and shift is not None else ()
+            promised = plan.promised - sum(decision.cost for decision in known)
+            result.append(0.0 if np.isnan(promised) else max(0.0, promised))
+        return tuple(result)
+
+    @cached_property
+    def _shifts(self) -> list[FloatArray | None]:
+        """What every measurement's rows are off by, measured with its sign; None: not measured."""
+        return [
+            m.shift(self.models[m.series].plan) if isinstance(m, Traces) else None
+            for m in self.measurements
+        ]
+
+    @cached_property
+    def _shift(self) -> FloatArray:
+        """The same of all rows, (m,), zero where it is not measured; empty where nothing is."""
+        if all(shift is None for shift in self._shifts):
+            return np.empty(0)
+        pairs = zip(self.measurements, self._shifts, strict=True)
+        return np.concatenate([np.zeros(m.rows) if s is None else s for m, s in pairs])
 
     @cached_property
     def _known(self) -> KnownAnswers:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Generator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
@@ -424,12 +424,14 @@ class Evaluation:
     """Answers to one parameter vector: a prediction per measurement; `runs` simulations it took.
 
     `promised` is the relative error that the values of each prediction may have, at most, as far as
-    whoever answers can exclude a larger one; empty where they are exact.
+    whoever answers can exclude a larger one; empty where they are exact. `shift` (m,) is what all
+    rows are off by besides, measured with its sign; empty: nothing.
     """
 
     predictions: tuple[Prediction, ...]
     runs: int = 0
     promised: tuple[float, ...] = ()
+    shift: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 class Response(Protocol):

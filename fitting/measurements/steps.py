@@ -38,7 +38,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -73,6 +73,8 @@ class StepPlan:
     checked in every evaluation, and to ``few_error`` in the survey; None: at all of them. Outputs
     come ``delay_steps`` steps late and are read so much later. ``grid_s``: the only communication
     step that the FMU takes, between whose ends samples are interpolated; 0: they divide a spacing.
+    ``shift`` (n,), in the output's unit, is what halved steps show of the error at the solution,
+    with its sign, which then takes the place of the bound; None: the bound is all that is known.
     """
 
     label: str
@@ -91,6 +93,7 @@ class StepPlan:
     extrapolated: bool = False
     delay_steps: int = 0
     grid_s: float = 0.0
+    shift: FloatArray | None = field(default=None, compare=False, repr=False)
 
     @property
     def step_s(self) -> float:
@@ -119,13 +122,15 @@ class StepRuns:
     """Runs of a trace at some parameters: ``driven`` under its input, and ``others``.
 
     ``changed`` is what they changed of the runs of longer steps, over the largest value, and
-    ``bound`` that of the error of those.
+    ``bound`` that of the error of those; ``left`` is that error with its sign, in the output's
+    unit, of each run under the input.
     """
 
     driven: Sequence[FloatArray] = ()
     others: Sequence[FloatArray] = ()
     changed: float = 0.0
     bound: float = np.inf
+    left: Sequence[FloatArray] = ()
 
     @property
     def count(self) -> int:
@@ -143,8 +148,9 @@ class StepRuns:
         before, after = (*self.driven, *self.others), (*finer.driven, *finer.others)
         change = max(map(relative_change, before, after))
         rho = max(0.5, change / self.changed) if self.changed > 0.0 else 0.5
-        bound = change / (1.0 - rho) if rho < STALLED else UNKNOWN * change
-        return replace(finer, changed=change, bound=bound)
+        times = 1.0 / (1.0 - rho) if rho < STALLED else UNKNOWN
+        left = [times * (y - x) for x, y in zip(self.driven, finer.driven, strict=True)]
+        return replace(finer, changed=change, bound=times * change, left=left)
 
     def extrapolated(self, finer: StepRuns) -> StepRuns:
         """The finer runs, those under the input without the second power of the step.
@@ -217,6 +223,7 @@ def planned_steps(
         change=result.changed,
         runs=runs,
         extrapolated=pair,
+        shift=result.left[0] if len(result.left) == 1 and len(one.others) == 0 else None,
     )
 
 

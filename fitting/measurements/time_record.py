@@ -163,6 +163,11 @@ class TimeRecord(OfSetup):
         """Complain of too few samples."""
 
     @property
+    def is_simulated_alone(self) -> bool:
+        """Whether its values are those of its run, but for an offset."""
+        return False
+
+    @property
     def first_words(self) -> str:
         """Where it begins, in words."""
         if self.begin == FIRST:
@@ -352,6 +357,8 @@ SHARE, MARGIN = 0.03, 0.1
 #: An error below which no more samples are tried, and the part of an error that more of them are
 #: taken for.
 GOAL, BETTER = 1e-11, 0.1
+#: Part of the accuracy that is left from which what steps leave is looked at with its sign.
+MATERIAL = 0.1
 #: How far a communication step may be from whole steps of the FMU's own, as seen, relative.
 UNEVEN = 0.01
 #: How much coarser equations are integrated to see what the tolerance leaves, and which part of
@@ -443,7 +450,9 @@ class Survey:
         if steps.per_sample > before.per_sample:
             return plan.with_steps(replace(steps, runs=before.runs + steps.runs))
         if not steps.internal_step_s and steps.bound <= max(before.bound, share * left):
-            return plan
+            if steps.shift is None or steps.bound <= MATERIAL * share * left:
+                return plan
+            return plan.with_steps(replace(before, bound=steps.bound, shift=steps.shift))
         longest = max(before.internal_step_s, steps.internal_step_s)
         return plan.with_steps(
             replace(
@@ -531,8 +540,9 @@ class Survey:
             raise TypeError(f"{trace.source}: nothing drives it")
         change = relative_change(coarse[: look.window.samples], fines)
         if change <= steps.bound or 2.0 * change <= left:
-            bound = steps.bound if change <= steps.bound else 2.0 * change
-            return replace(steps, runs=runs, bound=bound)
+            if change <= steps.bound:
+                return replace(steps, runs=runs)
+            return replace(steps, runs=runs, bound=2.0 * change, shift=None)
         finer = planned_steps(
             replace(steps, per_sample=fine),
             partial(self._simulated, points),
@@ -807,6 +817,20 @@ class Traces(Together[TimeRecord]):
         for trace in self.traces:
             plan = Survey(self, trace, replace(model, plan=plan), workers).reviewed(p)
         return plan
+
+    def shift(self, plan: Plan) -> FloatArray | None:
+        """What all rows are off by, as halved steps show it with its sign, (m,); None: not known.
+
+        Args:
+            plan: of the series.
+        """
+        result = []
+        for trace in self.traces:
+            steps = plan.step_plan(self.key(trace))
+            if steps is None or steps.shift is None or not trace.is_simulated_alone:
+                return None
+            result.append(trace.rows_of(steps.shift))
+        return np.concatenate(result)
 
     def key(self, trace: TimeRecord) -> str:
         """What the plan knows a trace by.

@@ -288,6 +288,11 @@ class Trace(TimeRecord):
         """Whether the FMU answers to more than its unknown start."""
         return self.driven is not None or self.start == REST
 
+    @property
+    def is_simulated_alone(self) -> bool:
+        """Whether its values are those of its run, but for an offset."""
+        return self.start == REST and self.gain == ONE
+
     def lead_steps(self) -> int:
         """Spacings before the first sample."""
         return round(self.lead_s / self.spacing_s)

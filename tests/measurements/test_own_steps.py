@@ -167,6 +167,34 @@ def test_steps_are_shortened_where_the_fit_ended(lag: ff.Fmu) -> None:
     assert low <= tau <= high
 
 
+@pytest.mark.parametrize("accuracy", [2e-2, 2e-3])
+def test_errors_are_those_of_the_noise_and_of_what_the_steps_shift(
+    lag: ff.Fmu, accuracy: float
+) -> None:
+    """Communication steps are Euler's, whatever is wanted: their shift has a closed form.
+
+    A bound of every sample whatever its sign is five to twenty times as large.
+    """
+    y = GAIN * -np.expm1(-np.maximum(T - 0.1, 0.0) / TAU)
+    y += SIGMA * np.random.default_rng(1).standard_normal(T.size)
+    setup = ff.Setup(ff.Drive(), "y", start_values={"euler": 1.0}, accuracy=accuracy)
+    trace = ff.Trace(T, y, setup=setup, input="u", driven=(T, U), interpolation="held", sigma=SIGMA)
+    fit = ff.fit(ff.Problem(lag, PARAMETERS, trace), method=QUICK, starts=1)
+    assert fit.result.plan is not None
+    [decision] = [d for d in fit.result.plan.decisions if d.kind == Kind.STEP]
+    step_s = float(decision.numbers["step_s"])
+    slopes = np.stack(
+        [(euler(step_s, TAU + 1e-6) - euler(step_s, TAU - 1e-6)) / 2e-6, euler(step_s, TAU) / GAIN]
+    )
+    pull = np.linalg.pinv(slopes.T)
+    shift = np.abs(pull @ (euler(step_s, TAU) - GAIN * -np.expm1(-np.maximum(T - 0.1, 0.0) / TAU)))
+    noise = SIGMA * np.linalg.norm(pull, axis=1)
+    for k, (name, true) in enumerate((("tau", TAU), ("gain", GAIN))):
+        low, high = fit[name].interval()
+        assert low <= true <= high
+        assert 0.8 * (noise[k] + shift[k]) < fit[name].std < 2.0 * (noise[k] + shift[k]), name
+
+
 def test_steps_that_shorter_ones_divide_are_shortened(tmp_path: Path) -> None:
     """Of 5 ms, which 10 ms and 5 ms hold whole."""
     fit, decision = fitted(build_euler_lag_fmu(tmp_path, 5e-3, divides=True), 1)
