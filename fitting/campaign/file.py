@@ -474,7 +474,7 @@ class WrittenAssumption(Keys):
     that: Text
     """The assumption, as "the pump does not modulate lambda^2"."""
     otherwise: Text
-    """The alternative in words, as "p12 = 5 % of p11"."""
+    """The alternative in words, as "a modulation of f2^2 by 5 % of that of f1^2"."""
     quantity: Text | None = None
     """A constant of the laws, or a variable of the FMU that is not fitted."""
     value: Value | None = None

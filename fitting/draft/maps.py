@@ -610,7 +610,6 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
             that shows a single line; or the draft does not suit, by the campaign's reader.
     """
     control, outputs = _suited(file, offer, answers)
-    [output] = answers.choose("output", outputs, outputs[:1], "mode 1 is driven and observed")
     spectra = file.amplitudes()
     crossing = crossing_of(spectra)
     if not crossing.is_observed:
@@ -619,20 +618,23 @@ def map_draft(file: MapFile, offer: Offer, answers: Answers, folder: Path) -> Dr
     # laws count from zero or, where the control is far from it, from its middle
     far = abs(spectra.middle) > FAR * spectra.half
     origin = float(f"{spectra.middle:.3g}") if far else 0.0
-    laws, boxes = _laws(crossing, spectra, control, origin)
     # both modes may be driven and read where one is not enough
     shared = _exceeds_noise(crossing, spectra) and READOUT in outputs
-    if shared and "output" not in answers.requested:
-        output = READOUT
+    likely, seen = outputs[0], "mode 1 is driven and observed"
+    if shared:
+        likely, seen = READOUT, "mode 1 alone leaves more of the map than its noise"
+    [output] = answers.choose("output", outputs, [likely], seen)
+    shared = shared and output == READOUT
+    laws, boxes = _laws(crossing, spectra, control, origin, shared)
     start: Starts = {
         offer.steady: (True, "the FMU begins on its periodic orbit"),
         "A2": (0.0, "one tone drives"),
     }
-    if shared and output == READOUT:
+    if shared:
         why = "free: with mode 1 alone driven and read the misfit exceeds the noise"
         boxes += [offer.box(name, 0.0, why, reach=10.0) for name in SHARES]
     else:
-        shared, start["g2"] = False, (0.0, "it drives mode 1 alone, a guess")
+        start["g2"] = (0.0, "it drives mode 1 alone, a guess")
     rotated, delayed = _phases_of(crossing, file) if file.roles.is_complex else (False, False)
 
     # the tables
@@ -713,7 +715,7 @@ def _suited(file: MapFile, offer: Offer, answers: Answers) -> tuple[Channel, tup
 
 
 def _laws(
-    crossing: Crossing, spectra: Spectra, control: Channel, origin: float
+    crossing: Crossing, spectra: Spectra, control: Channel, origin: float, shared: bool
 ) -> tuple[dict[str, str], list[Box]]:
     """Polynomials of the control less its origin for what follows it, and all that is fitted."""
     low, high = spectra.range_hz
@@ -746,5 +748,8 @@ def _laws(
         laws[f"f{mode}"] = " + ".join(terms)
     apart = f"{why}: {hertz(crossing.gap_hz, digits=3)} apart at the crossing, and lambda^2 is f "
     boxes.append(box_of("lambda12", "Hz", crossing.coupling_hz, f"{apart}times that"))
-    sizes = zip(("d1", "d2"), crossing.widths_hz, strict=True)
+    sizes = list(zip(("d1", "d2"), crossing.widths_hz, strict=True))
+    if shared:
+        # a model that leaves more than the noise has the widths of both together, hardly of each
+        sizes = [(name, sum(crossing.widths_hz) / 2) for name, _ in sizes]
     return laws, boxes + [box_of(name, "Hz", size, why) for name, size in sizes]

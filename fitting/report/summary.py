@@ -300,7 +300,11 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return phrase("next", "resume"), ""
     if kinds & {Kind.bounds_off_line, Kind.frequencies_apart}:
         return phrase("next", "check_units"), ""
-    if status != "converged" and kinds & {Kind.drift_wide, Kind.drift_suspected}:
+    # where the model lacks a line its parameters go to their bounds for it
+    for missing in of_kind(result.findings, Kind.line_missing):
+        return phrase("next", "missing_line", missing.numbers["frequency_hz"]), ""
+    drifts = [f for f in result.findings if f.kind in (Kind.drift_wide, Kind.drift_suspected)]
+    if status != "converged" and any(not f.names["offsets"] for f in drifts):
         return phrase("next", "fit_drift"), ""
     if status != "converged" and Kind.sweep_point in kinds:
         return phrase("next", "remove_point"), ""
@@ -308,9 +312,6 @@ def next_step(result: Result, left: Mapping[str, FittedEstimate]) -> tuple[str, 
         return phrase("next", "more_starts"), ""
     if Kind.contradiction in kinds:
         return phrase("next", "separate_fits"), ""
-    # where the model lacks a line its parameters go to their bounds for it
-    for missing in of_kind(result.findings, Kind.line_missing):
-        return phrase("next", "missing_line", missing.numbers["frequency_hz"]), ""
     adequacy = None if knowledge is None else knowledge.adequacy
     limited = _limited_by_bounds(result)
     if status != "converged":

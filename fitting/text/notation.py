@@ -511,6 +511,18 @@ def signed(value: float, decimals: int) -> str:
     return text[1:] if float(text) == 0.0 else text.replace("-", "−")
 
 
+def to_accuracy(value: float, accuracy: float) -> str:
+    """A number with the digits that its accuracy leaves and one more, nine at most.
+
+    Args:
+        value: the number.
+        accuracy: relative; NaN: not known.
+    """
+    known = 0.0 < accuracy < 1.0
+    digits = min(9, math.ceil(-math.log10(accuracy)) + 1) if known else 9
+    return f"{value:.{digits}g}"
+
+
 def percent(share: float, digits: int = 2) -> str:
     """A share as a signed percentage.
 

@@ -12,6 +12,8 @@ name it and no other.
 from __future__ import annotations
 
 import json
+import re
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -33,6 +35,7 @@ from fitting.text.finding import Kind
 from tests.support.in_process import told
 from tests.support.samples import cases
 
+ROOT = Path(__file__).parents[2]
 F_HZ, WIDTH_HZ = 52_300.0, 31.0
 U = F_HZ + np.linspace(-150.0, 150.0, 121)
 CAUSES = {
@@ -502,3 +505,17 @@ def test_a_cause_has_to_leave_what_noise_explains(
     left = replace(trial, rows=rows, slopes=np.zeros((U.size, 1)))
     monkeypatch.setattr(mistakes.Search, "sized", lambda *_: left)
     assert search.leaves_noise(trial) is explained
+
+
+def test_a_sweep_whose_line_the_model_has_elsewhere_is_named(tmp_path: Path) -> None:
+    """An eigenfrequency of the string's campaign is a digit off, its sweep sets the scale alone."""
+    copied = shutil.copytree(ROOT / "data" / "string_q1", tmp_path / "string")
+    file = copied / "campaign.toml"
+    file.write_text(re.sub(r'"6\.94(\d+ MHz)"', r'"6.84\1"', file.read_text("utf-8")), "utf-8")
+    words = ("--quick", "--no-profiles", "--no-report", "--native")
+    ended = told("reconstruct", file, *words, "--out", tmp_path / "out")
+    assert ended.code in (1, 4), ended.err
+    result = read_result(tmp_path / "out" / "result.json")
+    [missing] = [f for f in result.findings if f.kind is Kind.line_missing]
+    # where lmfit has the line of the measured sweep
+    assert missing.numbers["frequency_hz"] == pytest.approx(6940210.1, abs=1.0)

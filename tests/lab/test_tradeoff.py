@@ -46,7 +46,7 @@ def test_the_cheapest_sufficient_row_is_marked_and_the_plans_own() -> None:
     found = of(plan, rough, fine, cheap, failed)
     assert [found.mark(each) for each in found.rows] == ["plan", "", "", "cheapest", ""]
     # what costs about the same is the plan's, and a shift of a value counts more than an error
-    assert of(plan, row("same", 1.9, 0.0)).mark(plan) == "cheapest, plan"
+    assert of(plan, row("same", 1.9, 0.0)).mark(plan) == "as cheap as any, plan"
     assert of(replace(plan, shifts={"d1": -0.3}), fine).cheapest is fine
     assert of(rough).cheapest is None
 

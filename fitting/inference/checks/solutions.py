@@ -585,7 +585,8 @@ def check_missing_lines(solved: Solved) -> Iterator[Finding]:
     """The line of a curve that makes most of its residuals, where the model has no line itself.
 
     Of correlated residuals, or a model that does not describe the data, where no mistake of the
-    measurement explains them; the largest line.
+    measurement explains them; the largest line. A sweep that sets a scale alone has no residuals:
+    there it is the sweep's own line.
     """
     adequacy = solved.adequacy
     if adequacy is None or (adequacy.describes and not adequacy.is_correlated) or solved.causes:
@@ -593,9 +594,21 @@ def check_missing_lines(solved: Solved) -> Iterator[Finding]:
     # it loads scipy.stats, which most fits need not
     from scipy.signal import find_peaks
 
-    data, residuals, lines = solved.data, solved.solution.final.residuals, []
-    for m, at in zip(data.measurements, data.slices, strict=True):
-        for curve in m.residual_curves(residuals[at]):
+    data, final, lines = solved.data, solved.solution.final, []
+
+    def lacks(f: FloatArray, model: FloatArray, place: float, width: float) -> bool:
+        # residuals about a line of the model, or a dip, are those of its own place and width
+        least = MODELLED * float(np.max(model))
+        tops = [*find_peaks(model, prominence=least)[0], *find_peaks(-model, prominence=least)[0]]
+        return bool(np.all(np.abs(f[tops] - place) > width))
+
+    for k, (m, at) in enumerate(zip(data.measurements, data.slices, strict=True)):
+        if isinstance(m, Sweep) and not m.fitted and m.series in solved.sweeps.lines:
+            own = solved.sweeps.lines[m.series]
+            place, width = own.frequency.value, own.width.value
+            if lacks(m.frequency_hz, np.abs(final.scaled[k]), place, width):
+                lines.append((1.0, m.series, place, width, math.nan))
+        for curve in m.residual_curves(final.residuals[at]):
             f = curve.axis[: curve.measured.size]  # complex values have every place twice
             if f.size < FEWEST:
                 continue
@@ -604,19 +617,14 @@ def check_missing_lines(solved: Solved) -> Iterator[Finding]:
             if line is None or line[0] < MOSTLY * float(np.sum(np.abs(left) ** 2)):
                 continue
             gain, place, width, _ = line
-            # residuals about a line of the model, or a dip, are those of its own place and width
-            least = MODELLED * float(np.max(model))
-            own = [
-                *find_peaks(model, prominence=least)[0],
-                *find_peaks(-model, prominence=least)[0],
-            ]
-            if np.all(np.abs(f[own] - place) > width):
+            if lacks(f, model, place, width):
                 name = "/".join(filter(None, (m.series, curve.name)))
                 size = gain / float(np.max(np.abs(curve.measured))) ** 2
                 lines.append((size, name, place, width, gain / float(np.sum(np.abs(left) ** 2))))
     if lines:
         _, name, place, width, share = max(lines)
-        numbers = {"frequency_hz": place, "width_hz": width, "removed": share}
+        numbers = {"frequency_hz": place, "width_hz": width}
+        numbers |= {} if math.isnan(share) else {"removed": share}
         yield warning(Kind.line_missing, name, None, **numbers)
 
 

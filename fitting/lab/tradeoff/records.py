@@ -100,11 +100,14 @@ class Study:
         return next((row for row in self.rows if row.setting.name == PLAN), None)
 
     def mark(self, row: Row) -> str:
-        """The mark of a row: "cheapest", "plan", both, or nothing.
+        """The mark of a row: "cheapest" or "as cheap as any", "plan", both, or nothing.
 
         Args:
             row: of the study.
         """
-        marks = ["cheapest"] if row is self.cheapest else []
+        marks = []
+        if row is self.cheapest:
+            least = min(r.cost_s for r in self.rows if not r.failed and r.off <= SUFFICIENT)
+            marks = ["cheapest" if row.cost_s <= least else "as cheap as any"]
         marks += ["plan"] if row is self.planned else []
         return ", ".join(marks)
