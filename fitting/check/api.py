@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,8 +34,8 @@ class Check:
 
     ``findings`` are rules of FMI that it breaks, and what it does that a fit or another tool may
     not expect, by severity; ``examination`` is what came of everything that was tried, ``failure``
-    what ended that, if anything did; ``suits`` is what the campaign would fit, ``unsuited`` why it
-    does not suit; ``warnings`` are what the FMU logged.
+    why it does not run; ``suits`` is what the campaign would fit, ``unsuited`` why it does not
+    suit; ``warnings`` are what the FMU logged.
     """
 
     description: FmuDescription
@@ -46,7 +47,7 @@ class Check:
 
     @property
     def failure(self) -> FmuFailure | None:
-        """What ended the examination."""
+        """Why it does not run."""
         return self.examination.failure
 
     @property
@@ -61,6 +62,8 @@ def check(
     campaign: str | Path | Campaign | None = None,
     *,
     step_s: float | None = None,
+    budget_s: float = 60.0,
+    show: Callable[[str], None] = lambda _what: None,
 ) -> Check:
     """Examine an FMU: errors are reported, not raised.
 
@@ -69,6 +72,9 @@ def check(
         campaign: A campaign for it, whose start values are used.
         step_s: Trial step, s, above zero; None: the FMU's, four of its solver's fixed steps, else
             by its response, else 1 ms.
+        budget_s: Time that all probes may take when it runs, s, above zero; what has none left is
+            listed.
+        show: Is called with what is tried.
 
     Returns:
         ``sound``; ``findings`` by severity, ``failure`` and ``unsuited``; what was tried and
@@ -77,8 +83,9 @@ def check(
     Raises:
         BadInput: no FMU that this machine can run, a campaign that cannot be read, no time.
     """
-    if step_s is not None and not step_s > 0.0:
-        raise BadInput(f"step_s: found {step_s!r}, wanted a positive time")
+    for name, time_s in {"step_s": step_s, "budget_s": budget_s}.items():
+        if time_s is not None and not time_s > 0.0:
+            raise BadInput(f"{name}: found {time_s!r}, wanted a positive time")
     opened = opened_fmu(fmu)  # its processes live as long as it does
     workers = opened.workers
     if campaign is not None and not isinstance(campaign, Campaign):
@@ -92,7 +99,7 @@ def check(
         except BadInput as error:
             unsuited = tuple(map(str, error.args))
     values = bound.setup.start_values if bound else {}
-    examination = examine(workers, step_s, values)
+    examination = examine(workers, step_s, values, budget_s=budget_s, show=show)
     findings = (
         *trial_findings(description, examination),
         *rule_findings(validation_problems(description.path)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from fitting.check.examination import Examination
@@ -15,8 +15,11 @@ from fitting.text.rendering import blocks, sentence
 
 #: Share of rounding; growth of differences from the first quarter of the time to the last where
 #: they drift; share from which outputs of shorter steps are other ones, and up to which no
-#: amplitude rests on how well they repeat; bytes of a run that a thousand feel.
+#: amplitude rests on how well they repeat; bytes of a run that a thousand feel. Names that a
+#: sentence on the screen lists; the page has all.
+MOST_LISTED = 10
 LIMITS = {
+    "most": MOST_LISTED,
     "rounding": ROUNDING,
     "drifts": 2.0,
     "other": 0.3,
@@ -88,6 +91,11 @@ def trial_findings(description: FmuDescription, examination: Examination) -> tup
         examination: all that was tried.
     """
     failure = examination.failure
+    failed: dict[str, Finding] = {}  # probes that fail alike are one, as broken rules are
+    for probe in examination.failed:
+        sentence_ = f"{probe.what}: {probe.message}"
+        first = failed.get(_OWN.sub("", probe.message), Finding(Severity.CAREFUL, sentence_, 0))
+        failed[_OWN.sub("", probe.message)] = replace(first, count=first.count + 1)
     fatal = () if failure is None else (Finding(Severity.FATAL, str(failure)),)
     repeats = examination.repeats
     late = [
@@ -96,10 +104,11 @@ def trial_findings(description: FmuDescription, examination: Examination) -> tup
         for name in tried.late_outputs
     ]
     text = blocks("check/text")
-    cautions = str(text.cautions(examination, description.step_s, LIMITS)).splitlines()
+    cautions = str(text.cautions(examination, description, LIMITS)).splitlines()
     notes = str(text.notes(examination, LIMITS)).splitlines()
     return (
         *fatal,
+        *failed.values(),
         *(Finding(Severity.CAREFUL, sentence(each), kind=each.kind) for each in late),
         *(Finding(Severity.CAREFUL, line.strip()) for line in cautions if line.strip()),
         *(Finding(Severity.COSMETIC, line.strip()) for line in notes if line.strip()),

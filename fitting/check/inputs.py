@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.check.runs import VARIED, moved, moves, tried
-from fitting.extension.fmu import FmuVariable, FmuWorkers, Run, SampledSignal, Segment
+from fitting.check.runs import VARIED, NotTried, Probes, moved, moves
+from fitting.extension.fmu import FmuVariable, Run, SampledSignal, Segment
 from fitting.text.arrays import Scalar
 
 
@@ -28,45 +29,45 @@ class InputEffect:
     excited: bool = True
 
 
-def try_inputs(workers: FmuWorkers, run: Run, most: int = 0) -> tuple[InputEffect, ...]:
+def try_inputs(probes: Probes, run: Run, most: int = 0) -> tuple[InputEffect, ...]:
     """What every Real input and every tunable Real parameter does when it is moved in a run.
 
     Args:
-        workers: processes that run the FMU.
+        probes: of the FMU.
         run: some steps (`pushed_run`).
         most: steps in which those are looked at again that change nothing in these; 0: in none.
-
-    Raises:
-        FmuFailure: a run did not end in its time.
     """
-    effects = []
-    for v in workers.description.variables.values():
-        start = run.start_values.get(v.name, v.start)
+    effects: list[InputEffect] = []
+    for v in probes.description.variables.values():
+        if v.name not in run.start_values:
+            continue
+        start = run.start_values[v.name]
         share = 1.0 if v.causality == "input" else VARIED
         other = moved(v, start, share) if v.kind == "Real" and start is not None else None
-        if other is None or start is None:
+        if other is None:
             continue
-        effect = _effect(workers, run, v, (start, other))
-        if effect is not None and effect.acts is False and most >= run.samples:
-            longer = _effect(workers, replace(run, samples=most + 1), v, (start, other))
-            effect = effect if longer is None or longer.acts is None else longer
-        effects += [] if effect is None else [effect]
+        with suppress(NotTried):
+            effect = _effect(probes, run, v, (start, other))
+            if effect is not None and effect.acts is False and most >= run.samples:
+                longer = _effect(probes, replace(run, samples=most + 1), v, (start, other))
+                effect = effect if longer is None or longer.acts is None else longer
+            effects += [] if effect is None else [effect]
     return tuple(effects)
 
 
 def _effect(
-    workers: FmuWorkers, run: Run, variable: FmuVariable, values: tuple[Scalar, Scalar]
+    probes: Probes, run: Run, variable: FmuVariable, values: tuple[Scalar, Scalar]
 ) -> InputEffect | None:
     """What one of them does; None: it is neither."""
     if variable.causality == "input":
-        return _input(workers, run, variable, (float(values[0]), float(values[1])))
+        return _input(probes, run, variable, (float(values[0]), float(values[1])))
     if variable.causality == "parameter" and variable.variability == "tunable":
-        return _tunable(workers, run, variable, values)
+        return _tunable(probes, run, variable, values)
     return None
 
 
 def _input(
-    workers: FmuWorkers, run: Run, variable: FmuVariable, values: tuple[float, float]
+    probes: Probes, run: Run, variable: FmuVariable, values: tuple[float, float]
 ) -> InputEffect:
     """Half of the steps at another value; and the last sample alone."""
     constant = np.full((run.samples - 1, 1), values[0])
@@ -78,8 +79,9 @@ def _input(
         made = SampledSignal((variable.name,), run.sample_step_s, over, at)
         return replace(run, input_signal=made)
 
-    results = tried(
-        workers, [signal(constant, received), signal(pushed, received), signal(constant, last)]
+    results = probes.tried(
+        f"{variable.name} moved to {values[1]:g}",
+        [signal(constant, received), signal(pushed, received), signal(constant, last)],
     )
     acts = at_once = None
     if results is not None:
@@ -96,7 +98,7 @@ def _input(
 
 
 def _tunable(
-    workers: FmuWorkers, run: Run, variable: FmuVariable, values: tuple[Scalar, Scalar]
+    probes: Probes, run: Run, variable: FmuVariable, values: tuple[Scalar, Scalar]
 ) -> InputEffect:
     """The second half of the steps at another value."""
     half = max(1, (run.samples - 1) // 2)
@@ -113,7 +115,8 @@ def _tunable(
             run, start_values=start_values, samples=half, moved=variable.name, segments=(then,)
         )
 
-    results = tried(workers, [moved_to(value) for value in values])
+    what = f"{variable.name} moved to {values[1]:g}"
+    results = probes.tried(what, [moved_to(value) for value in values])
     acts = None if results is None else not np.array_equal(results[0], results[1], equal_nan=True)
     return InputEffect(
         name=variable.name,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fitting.check.api import Check
-from fitting.check.findings import Severity
+from fitting.check.findings import MOST_LISTED, Severity
 from fitting.check.runs import ROUNDING
 from fitting.check.steps import SHIFT
 from fitting.extension.fmu import FmuDescription, FmuVariable
@@ -16,10 +16,20 @@ from fitting.text.errors import spelled_out
 #: Kinds of variables of an FMU that are listed, as far as they are no observed ones.
 SHOWN = ("parameter", "input", "output", "calculatedParameter")
 #: What the document has of each variable; what a record has for the figure alone.
-VARIABLE = ("causality", "variability", "kind", "unit", "start", "min", "max", "description")
+VARIABLE = (
+    "causality",
+    "variability",
+    "kind",
+    "unit",
+    "start",
+    "min",
+    "max",
+    "items",
+    "description",
+)
 DRAWN = ("outputs", "times_s", "differences")
 #: What sentences on an FMU need besides its record.
-CHECKED = {"rounding": ROUNDING, "shift": SHIFT}
+CHECKED = {"rounding": ROUNDING, "shift": SHIFT, "most": MOST_LISTED}
 
 
 def screen_lines(checked: Check, *, verbose: bool = False, report: Path | None = None) -> list[str]:
@@ -75,6 +85,9 @@ def document(checked: Check) -> dict[str, Any]:
         "repeats": repeats and {k: v for k, v in vars(repeats).items() if k not in DRAWN},
         "effects": checked.examination.effects,
         "costs": checked.examination.costs,
+        "refused": checked.examination.refused,
+        "failed": checked.examination.failed,
+        "skipped": checked.examination.skipped,
         "failure": None if checked.failure is None else str(checked.failure),
         "suits": checked.suits and {**vars(checked.suits), "campaign": str(checked.suits.campaign)},
         "unsuited": checked.unsuited,
@@ -120,7 +133,7 @@ def write_report(checked: Check, out_dir: Path) -> Path:
         tried=[
             *(() if checked.suits is None else (phrase("check/text", "suits", checked.suits),)),
             *checked.unsuited,
-            *phrases("check/text", "examination", checked, CHECKED),
+            *phrases("check/text", "examination", checked, {**CHECKED, "most": None}),
         ],
         variables=variables_of(d),
         origin={

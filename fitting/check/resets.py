@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.check.runs import VARIED, moved, moves, tried
-from fitting.extension.fmu import FmuWorkers, Handling, Run
+from fitting.check.runs import NotTried, Probes, moves
+from fitting.extension.fmu import Handling, Run
 from fitting.text.arrays import Scalar
 
 
@@ -37,28 +38,30 @@ class Resets:
     fails: str
 
 
-def try_resets(workers: FmuWorkers, run: Run) -> Resets:
+def try_resets(probes: Probes, run: Run) -> Resets:
     """Run some steps again after resets, every parameter and input varied in turn.
 
     Args:
-        workers: processes that run the FMU.
+        probes: of the FMU.
         run: some steps (`pushed_run`).
 
     Raises:
-        FmuFailure: a run did not end in its time.
+        NotTried: the run itself failed when it was repeated, or there was no time.
     """
-    others = _others(workers, run)
-    refused, idle = [], []
-    excited = (results := tried(workers, [run])) is not None and moves(results[0])
-    for name, other in others.items():
+    [whole] = probes.run("the same run again", [run])
+    refused, idle, acting = [], [], {}
+    for name, other in probes.others(run).items():
         changed = replace(run, start_values={**run.start_values, name: other})
-        if (results := tried(workers, [run, changed])) is None:
-            refused.append(name)  # the trial run itself went well: it is this value
-        elif np.array_equal(results[0], results[1], equal_nan=True):
-            idle.append(name)
-    acting = {name: other for name, other in others.items() if name not in refused}
-    kept = () if workers.verdict.ended else _kept(workers, run, acting)
-    verdict = workers.verdict
+        with suppress(NotTried):
+            results = probes.tried(_valued(name, other), [run, changed])
+            if results is None:
+                refused.append(name)  # the run itself went well: it is this value
+                continue
+            acting[name] = other
+            if np.array_equal(results[0], results[1], equal_nan=True):
+                idle.append(name)
+    kept = () if probes.workers.verdict.ended else _kept(probes, run, acting)
+    verdict = probes.workers.verdict
     return Resets(
         reuse=verdict.note,
         true=not (kept or verdict.lied),
@@ -68,69 +71,61 @@ def try_resets(workers: FmuWorkers, run: Run) -> Resets:
         step_s=run.sample_step_s,
         steps=run.samples - 1,
         idle_steps=run.samples - 1,
-        excited=excited,
+        excited=moves(whole),
         fails=verdict.failure,
     )
 
 
-def try_longer(workers: FmuWorkers, resets: Resets, run: Run, steps: int) -> Resets:
+def try_longer(probes: Probes, resets: Resets, run: Run, steps: int) -> Resets:
     """Look at values that changed nothing over more steps: some act late.
 
     Args:
-        workers: processes that run the FMU.
+        probes: of the FMU.
         resets: what some steps have shown.
         run: the steps.
         steps: their number here.
 
     Raises:
-        FmuFailure: a run did not end in its time.
+        NotTried: the longer run ended the process or gave no answer, or there was no time.
     """
     long = replace(run, samples=steps + 1)
     if not resets.idle or steps <= resets.steps:
         return resets
-    if (whole := tried(workers, [long])) is None:
+    if (whole := probes.tried(f"{steps} steps", [long])) is None:
         return resets
-    others = _others(workers, run)
-    changed = [
-        replace(long, start_values={**long.start_values, name: others[name]})
-        for name in resets.idle
-    ]
-    answers = [tried(workers, [long, other]) for other in changed]
-    idle = tuple(
-        name
-        for name, results in zip(resets.idle, answers, strict=True)
-        if results is not None and np.array_equal(results[0], results[1], equal_nan=True)
-    )
-    return replace(resets, idle=idle, idle_steps=steps, excited=moves(whole[0]))
+    others, idle = probes.others(run), []
+    for name in resets.idle:
+        changed = replace(long, start_values={**long.start_values, name: others[name]})
+        with suppress(NotTried):  # of what was not tried in these steps nothing is stated
+            results = probes.tried(_valued(name, others[name]), [long, changed])
+            if results is not None and np.array_equal(results[0], results[1], equal_nan=True):
+                idle.append(name)
+    return replace(resets, idle=tuple(idle), idle_steps=steps, excited=moves(whole[0]))
 
 
-def _others(workers: FmuWorkers, run: Run) -> dict[str, Scalar]:
-    """Another value of every variable that has one."""
-    answers = {
-        v.name: moved(v, run.start_values.get(v.name, v.start), VARIED)
-        for v in workers.description.variables.values()
-    }
-    return {name: other for name, other in answers.items() if other is not None}
+def _valued(name: str, value: Scalar) -> str:
+    return f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}"
 
 
-def _kept(workers: FmuWorkers, run: Run, others: Mapping[str, Scalar]) -> tuple[str, ...]:
+def _kept(probes: Probes, run: Run, others: Mapping[str, Scalar]) -> tuple[str, ...]:
     """Values of which a run after a reset shows a trace though it sets nothing."""
     # inputs stay moved, or a model at rest would show nothing
-    inputs = {
-        v.name: run.start_values[v.name]
-        for v in workers.description.variables.values()
-        if v.causality == "input" and v.name in run.start_values
-    }
+    variables = probes.description.variables
+    inputs = {n: v for n, v in run.start_values.items() if variables[n].causality == "input"}
 
-    def leaves(before: Mapping[str, Scalar]) -> bool:
+    def leaves(before: Mapping[str, Scalar], what: str) -> bool:
         given = {name: value for name, value in inputs.items() if name not in before}
         new = replace(run, start_values=given, handling=Handling())
         after = replace(new, handling=Handling(before={**given, **before}))
-        answers = tried(workers, [new, after])
-        return answers is not None and not np.array_equal(answers[0], answers[1], equal_nan=True)
+        with suppress(NotTried):
+            answers = probes.tried(f"reset after {what}", [new, after])
+            return answers is not None and not np.array_equal(
+                answers[0], answers[1], equal_nan=True
+            )
+        return False
 
-    if leaves({}):
+    if leaves({}, "a run with nothing set"):
         return ("",)  # the state itself stays, whatever was set
-    if workers.description.one_instance_per_process:  # all at once: each takes two processes
-        return (", ".join(others),) if leaves(others) else ()
-    return tuple(name for name, other in others.items() if leaves({name: other}))
+    if probes.description.one_instance_per_process:  # all at once: each takes two processes
+        return (", ".join(others),) if leaves(others, "a run with other values") else ()
+    return tuple(n for n, other in others.items() if leaves({n: other}, _valued(n, other)))

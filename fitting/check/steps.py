@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitting.check.runs import in_parts, shares, trial_run, tried
-from fitting.extension.fmu import FmuWorkers, Handling, Run, is_late
-from fitting.text.arrays import FloatArray, Scalar
+from fitting.check.runs import Probes, in_parts, shares
+from fitting.extension.fmu import Handling, Run, is_late
+from fitting.text.arrays import FloatArray
 
 #: By which differences fall at least from halves to quarters where they come of the step.
 FALLS = 1.5
@@ -92,20 +92,19 @@ class Repeatability:
         return float(np.nanmax([self.again, noise, self.later if self.by_time else 0.0]))
 
 
-def take_trial(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) -> Trial:
-    """Run one step.
+def take_trial(probes: Probes, step_s: float) -> Trial:
+    """Run one step with nothing set but given values, as a tool does that knows no others.
 
     Args:
-        workers: processes that run the FMU.
+        probes: of the FMU.
         step_s: length of the step, s.
-        values: start values by name, next to the FMU's own.
 
     Raises:
         BadInput: neither an output nor a local variable is a number.
         FmuFailure: the FMU failed with these values.
     """
-    run = trial_run(workers.description, step_s, values)
-    [result] = workers.run([run])
+    run = replace(probes.trial_run(step_s), start_values=probes.values, handling=Handling())
+    [result] = probes.workers.run([run])
     finite = {name: math.isfinite(v) for name, v in zip(run.outputs, result[-1], strict=True)}
     return Trial(
         step_s=step_s,
@@ -114,46 +113,45 @@ def take_trial(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar])
     )
 
 
-def try_freeing(workers: FmuWorkers, step_s: float, values: Mapping[str, Scalar]) -> None:
+def try_freeing(probes: Probes, step_s: float) -> None:
     """Run one step and free the instance: some FMUs crash or hang there.
 
     Args:
-        workers: processes that run the FMU.
+        probes: of the FMU, with values with which a trial step went well.
         step_s: length of the step, s.
-        values: start values by name, with which a trial step went well.
 
     Raises:
         FmuFailure: it did.
     """
-    run = trial_run(workers.description, step_s, values)
-    workers.run([replace(run, handling=Handling(freed=True))])
+    run = replace(probes.trial_run(step_s), start_values=probes.values)
+    probes.workers.run([replace(run, handling=Handling(freed=True))])
 
 
-def try_repeats(workers: FmuWorkers, run: Run, steps: int) -> Repeatability | None:
+def try_repeats(probes: Probes, run: Run, steps: int) -> Repeatability | None:
     """How well outputs repeat; None where none of them is a Real number.
 
     Args:
-        workers: processes that run the FMU.
+        probes: of the FMU.
         run: some steps (`pushed_run`).
         steps: their number here.
 
     Raises:
-        FmuFailure: a run did not end in its time.
+        NotTried: a run did not end in its time, or ended the process.
     """
-    variables = workers.description.variables
+    variables = probes.description.variables
     real = tuple(name for name in run.outputs if variables[name].kind == "Real")
     if not real:
         return None
     run = replace(run, outputs=real, samples=steps + 1)
-    whole, quarters = (_tried(workers, in_parts(run, parts)) for parts in (1, 4))
+    whole, quarters = (_tried(probes, in_parts(run, parts)) for parts in (1, 4))
     # every half of a step is read: at half a step earlier late outputs are those of whole ones
     every = replace(run, sample_step_s=run.sample_step_s / 2.0, samples=2 * steps + 1)
-    fine = _tried(workers, in_parts(every, 1))
+    fine = _tried(probes, in_parts(every, 1))
     halves = fine[::2]
     alone = replace(in_parts(run, 1), handling=Handling())
-    once, again = _tried(workers, alone), _tried(workers, alone)
+    once, again = _tried(probes, alone), _tried(probes, alone)
     later, little = (
-        _tried(workers, replace(in_parts(run, 1), start_time_s=shift * run.sample_step_s))
+        _tried(probes, replace(in_parts(run, 1), start_time_s=shift * run.sample_step_s))
         for shift in (SHIFT, SHIFT * LITTLE)
     )
     columns = np.isfinite(whole).all(axis=0)
@@ -175,7 +173,7 @@ def try_repeats(workers: FmuWorkers, run: Run, steps: int) -> Repeatability | No
         early=_share(finer[: quarter + 1], whole),
         late=_share(finer[-quarter:], whole),
         output=real[k],
-        own_step_s=_own_step_s(workers, run),
+        own_step_s=_own_step_s(probes, run),
         stops_s=_stops_s(run, whole, (halves, quarters)),
         late_outputs=tuple(late),
         outputs=real,
@@ -184,9 +182,9 @@ def try_repeats(workers: FmuWorkers, run: Run, steps: int) -> Repeatability | No
     )
 
 
-def _tried(workers: FmuWorkers, run: Run) -> FloatArray:
+def _tried(probes: Probes, run: Run) -> FloatArray:
     """The result of a run; NaN where the FMU refuses it."""
-    answer = tried(workers, [run])
+    answer = probes.tried(f"{run.samples - 1} steps of {run.sample_step_s:g} s", [run])
     return np.full((run.samples, len(run.outputs)), np.nan) if answer is None else answer[0]
 
 
@@ -206,13 +204,13 @@ def _stops_s(run: Run, whole: FloatArray, parts: Sequence[FloatArray]) -> float:
     return math.nan
 
 
-def _own_step_s(workers: FmuWorkers, run: Run) -> float:
+def _own_step_s(probes: Probes, run: Run) -> float:
     """The step in which outputs move when they are looked at often; NaN: they move all the time."""
     for finer in LOOKS:
         look = replace(run, sample_step_s=run.sample_step_s / finer)
         if finer < 1.0:  # what costs by its time, and not by its steps
             look = replace(look, samples=1 + (run.samples - 1) // 4)
-        moves = np.diff(_tried(workers, look), axis=0)
+        moves = np.diff(_tried(probes, look), axis=0)
         moving = moves[:, np.any(moves != 0.0, axis=0) & np.isfinite(moves).all(axis=0)]
         at = np.flatnonzero(np.any(moving != 0.0, axis=1))
         if not moving.size and finer < 1.0:

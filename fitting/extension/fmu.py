@@ -6,6 +6,7 @@ from fitting.api.direct import HOLD_STEPS
 from fitting.api.fmu import opened_fmu
 from fitting.api.problem import fmu_of
 from fitting.engine.run import NeededFile, Where, opened, place_of, run
+from fitting.fmu.archive import compiled
 from fitting.fmu.description import (
     FmuDescription,
     FmuVariable,
@@ -31,6 +32,7 @@ __all__ = [
     "Segment",
     "Where",
     "built_model",
+    "compiled",
     "fmu_of",
     "is_late",
     "opened",

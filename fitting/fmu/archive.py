@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import lzma
 import shutil
+import subprocess
+import sys
 import zipfile
 import zlib
-from collections import Counter
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from fitting.text.errors import BadInput
+from fitting.text.results_folder import write_whole
+from fitting.text.scratch import Scratch
 
 #: An FMU that unpacks to more is taken for a bomb: models of this kind have some megabytes.
 MOST_UNPACKED = 4 * 2**30
@@ -76,6 +80,40 @@ def unpack(path: Path, folder: Path) -> None:
             ) from error
 
 
+def compiled(path: Path, out: Path) -> Path:
+    """Compile the sources of an FMU for this machine; the FMU with the binary, in a folder.
+
+    Args:
+        path: of the FMU.
+        out: folder for the new one, named by this platform.
+
+    Raises:
+        BadInput: it has no sources, or they cannot be compiled here.
+    """
+    import fmpy
+
+    with Scratch() as scratch:
+        folder = scratch / "fmu"
+        unpack(path, folder)
+        if not (folder / "sources").is_dir():
+            raise BadInput(f"{path}: has no sources, wanted the folder sources in it")
+        # what it prints is kept; it goes by cmake, and knows what the description lists
+        words = "import sys; from fmpy.build import build_platform_binary as b; b(sys.argv[1])"
+        command = [sys.executable, "-c", words, str(folder)]
+        made = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+        if made.returncode:
+            lines = f"{made.stdout}\n{made.stderr}".splitlines()
+            why = [line.strip() for line in lines if "rror" in line] or ["no message"]
+            raise BadInput(f"{path}: its sources cannot be compiled: {why[0]}")
+        new = out / f"{path.stem}_{fmpy.platform}.fmu"
+        packed = io.BytesIO()
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+            for file in sorted(p for p in folder.rglob("*") if p.is_file()):
+                archive.write(file, file.relative_to(folder))
+        write_whole(new, packed.getvalue())
+    return new
+
+
 def _opened(path: Path) -> zipfile.ZipFile:
     """The archive, its list of members checked."""
     try:
@@ -110,10 +148,11 @@ def _refusal(members: list[zipfile.ZipInfo]) -> str:
         if windows.drive or windows.root or ".." in windows.parts:
             return f"{name} in it would be written outside its folder"
     names = [PurePosixPath(member.filename) for member in members]
-    often, count = Counter(names).most_common(1)[0] if names else (PurePosixPath(), 0)
-    if count > 1:
-        return f"holds {often} {count} times, wanted once"
-    files = {n for n, member in zip(names, members, strict=True) if not member.is_dir()}
+    files: dict[PurePosixPath, int] = {}
+    for path, member in zip(names, members, strict=True):
+        # some tools pack a file twice
+        if not member.is_dir() and files.setdefault(path, member.CRC) != member.CRC:
+            return f"holds {path} twice, with different content, wanted once"
     for path in names:
         inside = next((folder for folder in path.parents if folder in files), None)
         if inside is not None:

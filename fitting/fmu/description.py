@@ -60,7 +60,8 @@ class FmuVariable:
     ``fmi_type`` is the type as the FMU declares it, ``kind`` what it is to us. Of an array every
     element is a variable, called as "A[1,2]", with the reference of the array: ``place`` is its own
     in it, from 0 in the order of the file, ``size`` that of the array, 0 of no array. ``is_size``:
-    it is a structural parameter that arrays have their size of.
+    it is a structural parameter that arrays have their size of. ``items`` are the values of an
+    enumeration by the names of its items.
     """
 
     name: str
@@ -78,6 +79,20 @@ class FmuVariable:
     size: int = 0
     place: int = 0
     is_size: bool = False
+    items: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def place_of_value(self) -> tuple[str, int, int]:
+        """Where its value is in the FMU: the same for variables that are aliases of one."""
+        return self.fmi_type, self.value_reference, self.place
+
+    @property
+    def is_outside(self) -> bool:
+        """Whether its start value is outside its own limits."""
+        if self.start is None or isinstance(self.start, str):
+            return False
+        low, high = self.min, self.max
+        return (low is not None and self.start < low) or (high is not None and self.start > high)
 
     @property
     def can_be_started(self) -> bool:
@@ -122,6 +137,7 @@ class FmuDescription:
     None: co-simulation. ``output_delay_steps`` is not declared: communication steps by which its
     outputs come late, as its user states; ``is_chosen``: whether its user chose the interface.
     ``instead_of_s``: step of co-simulation for which model exchange was taken, s; 0: it was not.
+    outputs come late, as its user states. ``library`` is its binary for this platform, in the file.
     """
 
     path: Path
@@ -144,6 +160,7 @@ class FmuDescription:
     output_delay_steps: int = 0
     is_chosen: bool = False
     instead_of_s: float = 0.0
+    library: str = ""
     #: Where the file is, whatever folder the process works in later; ``path`` is as it was named.
     file: Path = field(init=False, repr=False, compare=False)
 
@@ -252,11 +269,16 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
     folders = [name.split("/") for name in names]
     platforms = {f[1] for f in folders if f[0] == "binaries" and len(f) > 2 and f[2]}
     platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
-    wanted = f"binaries/{platform}/{declared.modelIdentifier}{fmpy.sharedLibraryExtension}"
+    suffix = fmpy.sharedLibraryExtension
+    wanted = f"binaries/{platform}/{declared.modelIdentifier}{suffix}"
+    binaries = [f for f in folders if f[:2] == ["binaries", platform] and f[-1].endswith(suffix)]
+    if wanted not in names and len(binaries) == 1:  # by another name than FMI wants: the only one
+        wanted = "/".join(binaries[0])
     if wanted not in names:
+        hint = "; it has sources: fmu-fit check --compile" * any(f[0] == "sources" for f in folders)
         raise BadInput(
             f"{path}: no binary for this platform; wanted {wanted}, found binaries for: "
-            f"{', '.join(sorted(platforms)) or 'none'}"
+            f"{', '.join(sorted(platforms)) or 'none'}{hint}"
         )
 
     # of model exchange any step is as good as another
@@ -297,6 +319,7 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         exchange=exchange,
         offers=tuple(offered),
         is_chosen=interface is not None,
+        library=wanted,
     )
 
 
@@ -341,6 +364,7 @@ def _variables(path: Path, version: str, variable: Any, is_size: bool) -> list[F
         return getattr(declared, name, None) if own is None and declared is not None else own
 
     enumeration = "Integer" if version == "2.0" else "Int64"
+    items = declared.items if variable.type == "Enumeration" and declared is not None else ()
     return [
         FmuVariable(
             name=name,
@@ -358,6 +382,7 @@ def _variables(path: Path, version: str, variable: Any, is_size: bool) -> list[F
             size=array_size,
             place=place,
             is_size=is_size,
+            items={item.name: int(item.value) for item in items or ()},
         )
         for place, (name, start) in enumerate(elements)
     ]

@@ -237,6 +237,22 @@ class FmuWorkers:
                     self._kill(number)
             return [job.results[i] for i in range(n)]
 
+    def renew(self) -> None:
+        """End the processes; the next runs have new ones."""
+        with self._own_turn():
+            for number in range(len(self._open.processes)):
+                self._kill(number)
+
+    def limit(self, timeout_s: float, timeout_name: str) -> None:
+        """Shorten the longest time of a run.
+
+        Args:
+            timeout_s: longest time for one run, s; a longer one than before is not taken.
+            timeout_name: what the user calls that limit.
+        """
+        if timeout_s < self._timeout_s:
+            self._timeout_s, self._timeout_name = timeout_s, timeout_name
+
     def close(self) -> None:
         """End the processes and remove the unpacked FMU."""
         with self._own_turn():

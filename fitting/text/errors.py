@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
 if TYPE_CHECKING:  # the types of arrays take numpy along, which a command's help does not need
     from fitting.text.arrays import FloatArray, Scalar
 
+#: Start values that a failure names.
+MOST_NAMED = 10
 Made = TypeVar("Made")
 Arguments = ParamSpec("Arguments")
 
@@ -178,7 +180,9 @@ class FmuFailure(Exception):
         self.answers: dict[int, FloatArray] = {}
 
     def __str__(self) -> str:
-        values = ", ".join(f"{name} = {value!r}" for name, value in self.parameters.items())
+        named = [f"{name} = {value!r}" for name, value in self.parameters.items()]
+        more = len(named) - MOST_NAMED
+        values = ", ".join(named[:MOST_NAMED]) + (f" and {more} others" if more > 0 else "")
         return f"{self.fmu}: {self.message}" + (f" [with {values}]" if values else "")
 
 

@@ -545,13 +545,16 @@ def probability(p: float) -> str:
     return f"p = {p:.1g}" if p >= 1e-12 else "p < 1e-12"
 
 
-def listed(items: Iterable[str]) -> str:
-    """Words in a row: "a", "a and b", "a, b and c".
+def listed(items: Iterable[str], most: int | None = None) -> str:
+    """Words in a row: "a", "a and b", "a, b and c", "a, b and 12 others".
 
     Args:
         items: words to be listed.
+        most: how many are named; None: all.
     """
     words = list(items)
+    if most is not None and len(words) > most:
+        return f"{', '.join(words[:most])} and {how_many(len(words) - most, 'other')}"
     if len(words) < 2:
         return "".join(words)
     return f"{', '.join(words[:-1])} and {words[-1]}"

@@ -5,15 +5,22 @@ from __future__ import annotations
 import json
 import math
 import re
+import zipfile
 from pathlib import Path
 
+import fmpy
 import pytest
 
 from fitting.cli.main import main
 from fitting.fmu.description import read_description
 from fitting.report.screen import phrases
-from tests.support.cfmu_build import build_c_fmu, reworded
-from tests.support.processes import Clock
+from tests.support.cfmu_build import (
+    REFERENCE,
+    SOURCES,
+    build_c_fmu,
+    build_reference_fmu,
+    reworded,
+)
 
 ROOT = Path(__file__).parents[2]
 
@@ -215,16 +222,75 @@ def test_what_the_fmu_says_comes_first(
     assert re.search(r" t = 0\.0 s", told)
 
 
-def test_a_hang_is_told_after_one_time_out(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], clock: Clock
+def test_a_hang_names_the_value_and_ends_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The FMU hangs at every stiffness but its own: it is tried once, and what is known is told."""
+    """The FMU hangs at every stiffness but its own: tried once, and everything else is tried."""
     hung = tmp_path / "hung"
     fmu = build_c_fmu(tmp_path, marks={"HANGS_WHERE_VARIED": hung})
-    clock.runs = hung.exists
-    assert main(["check", str(fmu), "--timeout", "70 s"]) == 3
-    told = capsys.readouterr()
-    for token in ("70 s", "--timeout", "stiffness = 400"):
-        assert token in told.err
-    assert "trial run: " in told.out
+    assert main(["check", str(fmu), "--budget", "12 s", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    [failed] = found["failed"]
+    assert failed["what"] == "stiffness = 4004"
+    assert "2 s" in failed["message"]
+    assert "--budget" in failed["message"]
+    assert (found["sound"], found["failure"]) == (False, None)
+    assert [f["severity"] for f in found["findings"]] == ["careful"]
+    assert found["costs"] is not None
+    assert found["repeats"]["again"] == 0.0
+    assert [e["acts"] for e in found["effects"]] == [True]
     assert hung.read_text() == "hangs\n"
+
+
+def test_what_has_no_time_left_is_listed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A microsecond is over before anything but the trial run."""
+    assert main(["check", str(build_c_fmu(tmp_path)), "--budget", "1 us"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "trial run: " in text
+    assert re.search(r"not tried, because the time was over \(--budget\): .*steps", text)
+
+
+def test_what_a_fit_cannot_set_or_another_tool_not_load_is_listed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An alias acts as its variable; a start value outside its range; a binary of another name."""
+    plain = build_c_fmu(tmp_path)
+    text = (SOURCES / "oscillator2.xml").read_text("utf-8")
+    [line] = re.findall('.*name="stiffness".*', text)
+    alias = line.replace('name="stiffness"', 'name="k"')
+    fmu = reworded(plain, {line: f"{line}\n{alias}", 'start="4e3"': 'start="4e3" max="3e3"'})
+    renamed = tmp_path / "renamed.fmu"
+    with zipfile.ZipFile(fmu) as source, zipfile.ZipFile(renamed, "w") as target:
+        for name in source.namelist():
+            target.writestr(name.replace("oscillator.so", "model.so"), source.read(name))
+    assert main(["check", str(renamed), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["failure"] is None
+    assert {"stiffness", "k"}.isdisjoint(found["resets"]["idle"])
+    sentences = "; ".join(f["sentence"] for f in found["findings"])
+    assert "stiffness: its start value 4000.0 is outside its own range from 0 to 3000" in sentences
+    assert "its binary is binaries/linux64/model.so" in sentences
+
+
+def test_sources_are_compiled_for_this_machine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A Reference FMU without its binary: exp(-t) by Euler's steps of its own."""
+    full, bare = build_reference_fmu(tmp_path, "Dahlquist"), tmp_path / "bare.fmu"
+    with zipfile.ZipFile(full) as source, zipfile.ZipFile(bare, "w") as target:
+        target.writestr("modelDescription.xml", source.read("modelDescription.xml"))
+        for folder in ("Dahlquist", "src", "include"):
+            for path in (REFERENCE / folder).iterdir():
+                target.write(path, f"sources/{path.name}")
+        parts = ("fmi2Functions.c", "model.c", "cosimulation.c")
+        defined = "#define FMI_VERSION 2\n#define DISABLE_PREFIX\n"
+        includes = "".join(f'#include "{part}"\n' for part in parts)
+        target.writestr("sources/all.c", defined + includes)
+    monkeypatch.chdir(tmp_path)
+    assert main(["check", str(bare)]) == 2
+    assert "--compile" in capsys.readouterr().err
+    assert main(["check", str(bare), "--compile", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["failure"] is None
+    assert (tmp_path / f"bare_{fmpy.platform}.fmu").exists()

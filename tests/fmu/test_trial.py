@@ -13,7 +13,7 @@ from fitting.check.examination import Costs, Examination, examine, measure_costs
 from fitting.check.findings import Severity, rule_findings, trial_findings
 from fitting.check.inputs import try_inputs
 from fitting.check.resets import try_resets
-from fitting.check.runs import STEPS, pushed_run, trial_step_s
+from fitting.check.runs import STEPS, Probes, pushed_run, trial_step_s
 from fitting.check.steps import try_repeats
 from fitting.fmu.description import read_description
 from fitting.fmu.pool import FmuWorkers
@@ -45,7 +45,7 @@ def test_half_a_step_shows_a_solver_that_steps_with_the_host(
     step_s: float, lag: FmuWorkers
 ) -> None:
     """Euler's steps of x' = 1 - x give 1 - (1 - h)^n, in halves 1 - (1 - h/2)^(2 n)."""
-    found = try_repeats(lag, pushed_run(lag, step_s, {"euler": 1.0}), STEPS)
+    found = try_repeats(probes := Probes(lag, {"euler": 1.0}), pushed_run(probes, step_s), STEPS)
     whole = [1.0 - (1.0 - step_s) ** n for n in range(STEPS + 1)]
     halves = [1.0 - (1.0 - 0.5 * step_s) ** (2 * n) for n in range(STEPS + 1)]
     difference = max(abs(a - b) for a, b in zip(whole, halves, strict=True))
@@ -58,7 +58,7 @@ def test_exact_steps_do_not_mind_their_length_and_counted_steps_are_no_result(
     tmp_path: Path,
 ) -> None:
     with FmuWorkers(build_c_fmu(tmp_path)) as workers:
-        found = try_repeats(workers, pushed_run(workers, 1e-3, {}), STEPS)
+        found = try_repeats(probes := Probes(workers), pushed_run(probes, 1e-3), STEPS)
     assert found is not None
     assert found.halves < 1e-12
 
@@ -66,9 +66,10 @@ def test_exact_steps_do_not_mind_their_length_and_counted_steps_are_no_result(
 def test_what_changes_no_output_is_named(lag_fmu: Path) -> None:
     """A lag with its input held at rest sees neither gain nor tau; pushed, it sees all of them."""
     with FmuWorkers(lag_fmu) as workers:
-        assert try_resets(workers, pushed_run(workers, 0.1, {})).idle == ()
-        resting = pushed_run(workers, 0.1, {"u": 0.0})
-        assert try_resets(workers, resting).idle == ("tau", "gain", "through", "euler")
+        pushed, resting = Probes(workers), Probes(workers, {"u": 0.0})
+        assert try_resets(pushed, pushed_run(pushed, 0.1)).idle == ()
+        idle = try_resets(resting, pushed_run(resting, 0.1)).idle
+        assert idle == ("tau", "gain", "through", "euler")
 
 
 @pytest.mark.parametrize(
@@ -87,14 +88,14 @@ def test_a_reset_is_tried_with_one_value_set(
 ) -> None:
     """By the text of each reset in model.h; one that fails tells so, and is no lie."""
     with FmuWorkers(build_c_fmu(tmp_path, reset=reset)) as workers:
-        found = try_resets(workers, pushed_run(workers, 1e-3, {}))
+        found = try_resets(probes := Probes(workers), pushed_run(probes, 1e-3))
     assert (found.kept, found.true) == (kept, true)
 
 
 def test_noise_is_told_from_errors_of_the_step(tmp_path: Path) -> None:
     """The output is x (1 + 1e-3 sin ...), another sine in every run: at most 2e-3 apart."""
     with FmuWorkers(build_c_fmu(tmp_path, marks={"NOISE": 1e-3})) as workers:
-        found = try_repeats(workers, pushed_run(workers, 1e-3, {}), 64)
+        found = try_repeats(probes := Probes(workers), pushed_run(probes, 1e-3), 64)
     assert found is not None
     assert not found.falls
     assert 1e-3 < found.floor <= 2.01e-3
@@ -125,13 +126,13 @@ def test_noise_that_grows_is_told(tmp_path: Path) -> None:
 def test_a_step_of_its_own_is_found(own_s: float, tmp_path: Path) -> None:
     """Not told by the description, much shorter or longer than a trial step, or no part of it."""
     with FmuWorkers(build_c_fmu(tmp_path, marks={"OWN_STEP": own_s})) as workers:
-        own = try_repeats(workers, pushed_run(workers, 1e-3, {}), 256)
+        own = try_repeats(probes := Probes(workers), pushed_run(probes, 1e-3), 256)
     assert own is not None
     assert own.own_step_s == pytest.approx(own_s, rel=0.02)
 
 
 def test_no_step_is_found_where_there_is_none(lag: FmuWorkers) -> None:
-    none = try_repeats(lag, pushed_run(lag, 1e-3, {}), 64)
+    none = try_repeats(probes := Probes(lag), pushed_run(probes, 1e-3), 64)
     assert none is not None
     assert math.isnan(none.own_step_s)
 
@@ -193,7 +194,7 @@ def test_what_an_input_does_at_once_and_later(lag: FmuWorkers) -> None:
         ({"through": 0.5}, True, True),
         ({"gain": 0.0}, False, False),
     ):
-        [effect] = try_inputs(lag, pushed_run(lag, 0.1, values))
+        [effect] = try_inputs(probes := Probes(lag, values), pushed_run(probes, 0.1))
         assert (effect.name, effect.acts, effect.at_once) == ("u", acts, at_once)
 
 
@@ -205,7 +206,7 @@ def test_tunable_parameters_are_moved_between_steps(tmp_path: Path) -> None:
         )
     }
     with FmuWorkers(reworded(build_c_fmu(tmp_path), words)) as workers:
-        effects = try_inputs(workers, pushed_run(workers, 1e-3, {}))
+        effects = try_inputs(probes := Probes(workers), pushed_run(probes, 1e-3))
         said = [
             f.sentence for f in trial_findings(workers.description, Examination(effects=effects))
         ]
@@ -284,10 +285,11 @@ def test_a_hang_when_an_instance_is_freed_is_found(tmp_path: Path, clock: Clock)
 def test_costs_are_measured(lag_fmu: Path) -> None:
     """Of a program that was started for it no two runs are alike: only what cannot be otherwise."""
     with FmuWorkers(lag_fmu) as workers:
-        run = pushed_run(workers, 1e-3, {})
-        try_resets(workers, run)
+        probes = Probes(workers)
+        run = pushed_run(probes, 1e-3)
+        try_resets(probes, run)
         before = workers.counts
-        costs = measure_costs(workers, run)
+        costs = measure_costs(probes, run)
         spent = workers.counts.processor_s - before.processor_s
     assert not costs.anew
     assert 0.0 < costs.step_s < spent

@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import fmpy
@@ -169,7 +170,7 @@ class FmuInstance:
         """
         if status > WARNING:
             text = f"{self.prefix}{function} returned '{label(status)}'"
-            raise CallFailed(self.with_log(text))
+            raise CallFailed(self.with_log(text), status)
 
     def with_log(self, text: str) -> str:
         """What the FMU logged, and behind it a text on what it did.
@@ -261,7 +262,7 @@ class FmuInstance2(FmuInstance):
             last = reached.value if known else math.nan
             raise self.stopped(last, at + step, "fmi2DoStep returned 'discard'")
         text = f"fmi2DoStep from t = {at!r} s by {step!r} s returned '{label(status)}'"
-        raise CallFailed(self.with_log(text))
+        raise CallFailed(self.with_log(text), status)
 
 
 class FmuInstance3(FmuInstance):
@@ -299,7 +300,7 @@ class FmuInstance3(FmuInstance):
         )
         if status > WARNING:
             text = f"fmi3DoStep from t = {at!r} s by {step!r} s returned '{label(status)}'"
-            raise CallFailed(self.with_log(text))
+            raise CallFailed(self.with_log(text), status)
         reached = self._reached.value
         if self._terminated.value:
             raise self.stopped(reached, wanted, "the FMU asks to end the simulation")
@@ -332,6 +333,7 @@ def load(description: FmuDescription, folder: str, log: Log) -> FmuInstance:
             modelIdentifier=description.model_identifier,
             unzipDirectory=folder,
             instanceName=description.model_identifier,
+            libraryPath=str(Path(folder, description.library)),
         )
     except Exception as error:  # fmpy raises a bare Exception
         raise CallFailed(f"its library cannot be loaded: {error}") from error

@@ -15,7 +15,14 @@ LABELS = ("ok", "warning", "discard", "error", "fatal", "pending")
 
 
 class CallFailed(Exception):
-    """An FMI call did not succeed; the text names the call, the time, and what the FMU logged."""
+    """An FMI call did not succeed; the text names the call, the time, and what the FMU logged.
+
+    ``is_fatal``: by its status no instance in the process can be used any more.
+    """
+
+    def __init__(self, text: str, status: int = 0) -> None:
+        super().__init__(text)
+        self.is_fatal = status == LABELS.index("fatal")
 
 
 class Log:

@@ -188,7 +188,7 @@ def serve(pipe: connection.Connection, task: Task, pulse_descriptor: int | None)
                 used_up = True
                 break
             except CallFailed as error:
-                failure = str(error)
+                failure, used_up = str(error), error.is_fatal
                 break
             except Exception:  # a fault of ours must reach the caller as well, not a dead pipe
                 failure = "fault in the worker process:\n" + traceback.format_exc()
