@@ -68,9 +68,12 @@ def init(
     Raises:
         BadInput: files or an FMU that cannot be used, or do not suit each other; a folder that
             holds another campaign.
-        FmuFailure: the FMU failed with its own start values.
+        FmuFailure: the FMU failed with its own start values, or where the campaign starts, which is
+            written all the same.
     """
     path, made = drafted(files, fmu, out=out, columns=columns, told=told, ask=ask)
+    if made.failure is not None:
+        raise made.failure
     return path, (*made.notes, *((made.undescribed,) if made.undescribed else ()))
 
 

@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
 
     Raises:
         BadInput: files or an FMU that cannot be used, or do not suit each other.
-        FmuFailure: the FMU failed with its own start values.
+        FmuFailure: the FMU failed with its own start values, or where the campaign starts.
     """
     from fitting.draft.api import drafted, measurements_and_fmu
     from fitting.extension.report import printed_lines
@@ -108,8 +108,12 @@ def run(args: argparse.Namespace) -> int:
         command = f"fmu-fit init {named} FILE --out {shlex.quote(str(args.out))}"
     without = bool(measured and made.undescribed)
     texts = (*made.notes, made.undescribed)
+    if made.failure is not None:
+        command = ""
     lines = printed_lines("draft/text", "drafted", texts, path, without, command, not measured)
     print(*lines, sep="\n")
+    if made.failure is not None:
+        raise made.failure
     return 0
 
 

@@ -17,10 +17,11 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
+from fitting import Problem
 from fitting.draft.model import Box, Offer, Starts
 from fitting.extension.records import Channel, bind, read_campaign
 from fitting.resonance.reading import Roles
-from fitting.text.errors import BadInput, did_you_mean
+from fitting.text.errors import BadInput, FmuFailure, did_you_mean
 from fitting.text.files import path_from
 from fitting.text.notation import listed
 from fitting.text.rendering import blocks
@@ -64,12 +65,15 @@ class Draft:
 
     ``undescribed`` is what of the measurements its FMU cannot describe, and why; empty: nothing
     that was observed. ``listing`` is the text of the table of files that it reads, of a map.
+    ``failure`` is why it does not run at its start values; None: it was run there, or lacks a
+    measurement.
     """
 
     text: str
     notes: tuple[str, ...]
     undescribed: str = ""
     listing: str = ""
+    failure: BadInput | FmuFailure | None = None
 
 
 @dataclass(frozen=True)
@@ -293,22 +297,36 @@ def draft_from(  # noqa: PLR0913 - the parts of a campaign
         path = scratch / "campaign.toml"
         write_whole(path, text.replace(f"\n{MARK}", "\n"))
         write_whole(scratch / "sweep.csv", EXAMPLE)
+        failure: BadInput | FmuFailure | None = None
+        is_bound = False
         try:
-            bind(read_campaign(path), offer.variables)
+            campaign = read_campaign(path)
+            bind(campaign, offer.variables)
+            is_bound = True
+            if not missing:  # planned and run once where it starts: what fails there fails in a fit
+                problem = Problem.of(campaign, offer.fmu)
+                problem.residuals(problem.start)
         except BadInput as error:
             errors = (
                 str(t).replace(f"{path}: ", "").replace(str(path), "draft") for t in error.args
             )
-            raise BadInput(*(f"the draft does not suit: {each}" for each in errors)) from error
+            failure = BadInput(*(f"the draft does not suit: {each}" for each in errors))
+            if not is_bound:
+                raise failure from error
+        except FmuFailure as error:
+            failure = error
     first = "A campaign for this FMU, written by fmu-fit init: what is missing stands at its end."
     text = blocks("draft/text")
     without = [str(text.unused(path.name, columns)) for path, columns in unused if columns]
     beyond = [line for each in (*without, undescribed) for line in wrap(each, HEAD_WIDTH)]
-    head = (first, HEAD[1]) if missing else (*HEAD, *beyond)
+    opening = HEAD[0] if failure is None else str(text.fails(failure))
+    head = (first, HEAD[1]) if missing else (*wrap(opening, HEAD_WIDTH), HEAD[1], *beyond)
     starts = [str(text.start(box)) for box in boxes]
     notes = (*notes, *without, *answers.notes, *starts)
     listed_files = _listing(listing, folder) if listing else ""
-    return Draft(_text(tables, folder, head) + missing, notes, undescribed, listed_files)
+    return Draft(
+        _text(tables, folder, head) + missing, notes, undescribed, listed_files, failure=failure
+    )
 
 
 def _path(path: Path, folder: Path | None) -> str:

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import fitting as ff
+from fitting.cli.main import main
 from fitting.draft.api import init
 from fitting.text.arrays import Scalar
+from tests.support.cfmu_build import build_own_step_fmu
 from tests.support.lines import mode, write_csv
 
 pytestmark = pytest.mark.usefixtures("swift_models")
@@ -68,3 +70,22 @@ def test_a_duffing_string_is_driven_so_weakly_that_its_line_is_one(
 
     assert peak(0.1 * level) == pytest.approx(0.1 * peak(level), rel=1e-3)
     assert abs(peak(0.1) / (0.1 * peak(1.0)) - 1.0) > 0.01
+
+
+def test_a_draft_that_fails_where_it_starts_is_no_campaign_that_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The oscillator of own_step.h refuses other steps than its own: no tone has whole ones."""
+    fmu = build_own_step_fmu(tmp_path, "REFUSES")
+    rows = "".join(f"{f},{1.0 / abs(complex(320.0 - f, 15.0))}\n" for f in range(286, 359, 6))
+    (tmp_path / "sweep.csv").write_text("frequency (Hz),R (V)\n" + rows, "utf-8")
+    words = [str(tmp_path / "sweep.csv"), "--fmu", str(fmu), "--out", str(tmp_path / "draft")]
+    assert main(["init", *words, "--yes"]) == 3
+    told = capsys.readouterr()
+    assert "fmi2DoStep" in told.err
+    assert "reconstruct" not in told.out
+    head = (tmp_path / "draft" / "campaign.toml").read_text("utf-8").split("\n\n")[0]
+    assert "it runs as it is" not in head
+    assert "fmi2DoStep" in head
+    with pytest.raises(ff.FmuFailure):
+        init([tmp_path / "sweep.csv"], fmu, out=tmp_path / "other")
