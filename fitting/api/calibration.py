@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from fitting.api.early import CALIBRATED_FILES
 from fitting.api.fitted import Valued
 from fitting.api.printed import HtmlText, written
+from fitting.campaign.file import read_campaign_file
 from fitting.fmu.description import read_description
 from fitting.fmu.models import rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure
@@ -52,7 +54,7 @@ def calibrate(
     Args:
         result: An inference, its result, or the path of a result.json.
         out: Folder for the files, made where there is none.
-        fmu: The fitted FMU; None: that in ``fmu/`` next to result.json, or the problem's.
+        fmu: The fitted FMU; None: that in ``fmu/`` next to result.json, or the campaign's.
         also: Parameters to write although the data do not determine them.
 
     Raises:
@@ -65,13 +67,19 @@ def calibrate(
     else:
         fitted = result if isinstance(result, Result) else read_result(Path(result))
     provenance = fitted.provenance
-    if fmu is None:  # the one that the fit was made with lies in the folder of its results
-        fmu = None if source is None else source.parent / "fmu" / provenance.fmu_file
-        if fmu is None or not fmu.is_file():
+    campaign, written_campaign = Path(provenance.campaign), None
+    with suppress(BadInput):  # it may be elsewhere by now
+        written_campaign = read_campaign_file(campaign)
+    if fmu is None:  # a model that was built lies in the folder of the results
+        places = [] if source is None else [source.parent / "fmu" / provenance.fmu_file]
+        if written_campaign is not None and written_campaign.fmu.file is not None:
+            places.append(campaign.parent / written_campaign.fmu.file)
+        fmu = next((place for place in places if place.is_file()), None)
+        if fmu is None:
             where = "" if source is None else f"{source}: "
             raise BadInput(
-                f"{where}the FMU that was fitted, {provenance.fmu_file}, is not in the folder of "
-                "the result: wanted --fmu"
+                f"{where}the FMU that was fitted, {provenance.fmu_file}, is neither in the folder "
+                "of the result nor where its campaign names one: wanted --fmu"
             )
     description = read_description(Path(fmu))
     if description.sha256 != provenance.fmu_sha256:
@@ -79,7 +87,9 @@ def calibrate(
             f"{fmu}: is not the FMU that was fitted: found sha256 {description.sha256[:12]}, "
             f"wanted {provenance.fmu_sha256[:12]}"
         )
-    handed = calibration(fitted, description, also)
+    drive = None if written_campaign is None else written_campaign.drive
+    tones = drive.frequencies if drive is not None and drive.kind == "tones" else ()
+    handed = calibration(fitted, description, also, tones)
     name, out = f"{description.model_name}_calibrated", Path(out)
     ssv, ssp, parameters = out / f"{name}.ssv", out / f"{name}.ssp", out / "parameters.csv"
     names = ", ".join(handed.start_values) or "no parameter"
@@ -92,7 +102,7 @@ def calibrate(
 
     def write(to: Path) -> Path | None:
         built = rebuilt(description.file, to, name, history, handed.start_values)
-        values = parameter_set(name, handed.set_values(), description)
+        values = parameter_set(name, handed.set_values(description), description)
         packed = description if built is None else read_description(built)
         write_whole(ssv, values)
         write_whole(ssp, system_structure(packed.path, values, packed))

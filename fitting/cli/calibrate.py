@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options: Options = {
         "result": value("result of a reconstruction", "RESULT.json", Path),
         "--out": {"required": True, "help": "folder for the files"},
-        "--fmu": value("the fitted FMU (fmu/ next to RESULT.json)", read=Path),
+        "--fmu": value("the fitted FMU (fmu/ next to RESULT.json, or the campaign's)", read=Path),
     }
     declare(parser, options)
     also = "also write this undetermined parameter; may be repeated"

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -16,6 +17,7 @@ from fitting.fmu.description import READERS, FmuDescription
 from fitting.text.arrays import Scalar
 from fitting.text.errors import BadInput
 from fitting.text.files import read_whole
+from fitting.text.units import dimension_of, to_base
 
 STRUCTURE = "SystemStructure.ssd"
 SET_TYPE = "application/x-ssp-parameter-set"
@@ -34,6 +36,15 @@ _NAMES = {
     "ssc": f"{_STANDARD}Common",
     "ssd": f"{_STANDARD}Description",
     "ssv": f"{_STANDARD}ParameterValues",
+}
+_BASE_UNITS = {
+    "[mass]": "kg",
+    "[length]": "m",
+    "[time]": "s",
+    "[current]": "A",
+    "[temperature]": "K",
+    "[substance]": "mol",
+    "[luminosity]": "cd",
 }
 #: The earliest date that an archive can hold: the same content gives the same bytes.
 _DATE = (1980, 1, 1, 0, 0, 0)
@@ -59,27 +70,41 @@ def parameter_set(title: str, values: Sequence[SetValue], description: FmuDescri
     """
     root = _element("ssv:ParameterSet", version="1.0", name=title, generationTool=TOOL)
     table = _element("ssv:Parameters", root)
-    defined = {str(u.get("name")): u for u in description.xml().findall("UnitDefinitions/Unit")}
-    used: dict[str, ElementTree.Element] = {}
+    used: list[str] = []
     for value in values:
         parameter = _element("ssv:Parameter", table, name=value.name)
         kind: str = description.variable(value.name).kind
         kind = kind if kind in WRITERS else "String"
         attributes = {"value": WRITERS[kind](value.value)}
-        if kind == "Real" and value.unit in defined:  # the standard wants it defined in the file
+        if kind == "Real" and value.unit:
             attributes["unit"] = value.unit
-            used[value.unit] = defined[value.unit]
+            used.append(value.unit)
         _element(f"ssv:{kind}", parameter, **attributes)
         if value.notes:
             note = _element("ssc:Annotation", _element("ssv:Annotations", parameter), type=TOOL)
             ElementTree.SubElement(note, "Known", dict(value.notes))
-    # the same definitions by SSP, whose base units are those of FMI
-    units = _element("ssv:Units", root) if used else None
-    for name, unit in used.items():
-        base = unit.find("BaseUnit")
-        place = _element("ssc:Unit", units, name=name)
-        _element("ssc:BaseUnit", place, **({} if base is None else base.attrib))
+    _define(root, "ssv:Units", used, description)
     return _text(root)
+
+
+def _define(
+    root: ElementTree.Element, tag: str, used: Sequence[str], description: FmuDescription
+) -> None:
+    """Define units in a file, as the standard wants it: by the FMU's definitions, else by ours."""
+    defined = {str(u.get("name")): u for u in description.xml().findall("UnitDefinitions/Unit")}
+    units = _element(tag, root) if used else None
+    for name in dict.fromkeys(used):
+        place = _element("ssc:Unit", units, name=name)
+        if name in defined:  # the base units of SSP are those of FMI
+            base = defined[name].find("BaseUnit")
+            _element("ssc:BaseUnit", place, **({} if base is None else base.attrib))
+            continue
+        powers: dict[str, str] = {}
+        with suppress(BadInput):  # a unit that is unknown here has a name alone
+            for dimension, power in dimension_of(name, where=name).items():
+                powers[_BASE_UNITS[dimension]] = f"{power:g}"
+            powers["factor"] = repr(to_base(1.0, name, where=name) - to_base(0.0, name, where=name))
+        _element("ssc:BaseUnit", place, **powers)
 
 
 def system_structure(fmu: Path, values: str, description: FmuDescription) -> bytes:
@@ -96,12 +121,18 @@ def system_structure(fmu: Path, values: str, description: FmuDescription) -> byt
     source, bound = f"resources/{fmu.name}", f"resources/{fmu.stem}.ssv"
     component = _element("ssd:Component", elements, name=name, source=source, type=FMU_TYPE)
     connectors = _element("ssd:Connectors", component)
+    used = []
     for variable in description.variables.values():
         if variable.causality in ("input", "output", "parameter") and variable.kind != "other":
             ends = {"name": variable.name, "kind": variable.causality}
-            _element(f"ssc:{variable.kind}", _element("ssd:Connector", connectors, **ends))
+            has_unit = variable.kind == "Real" and variable.unit
+            unit = {"unit": str(variable.unit)} if has_unit else {}
+            used += unit.values()
+            place = _element("ssd:Connector", connectors, **ends)
+            _element(f"ssc:{variable.kind}", place, **unit)
     bindings = _element("ssd:ParameterBindings", component)
     _element("ssd:ParameterBinding", bindings, type=SET_TYPE, source=bound)
+    _define(root, "ssd:Units", used, description)
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         for member, content in (

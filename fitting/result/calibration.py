@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from fitting.fmu.description import FmuDescription
@@ -23,7 +23,7 @@ class Calibration:
     ``parameters`` are all that were fitted, in the units of the FMU; ``left`` are the reasons why
     some of them are not handed on, by name. ``settings`` are of the alternative that fits best,
     ``open_settings`` those of one that others equal, which are left. ``campaign_values`` are start
-    values of the campaign, with which the parameters were fitted.
+    values of the campaign, with which the parameters were fitted, and frequencies of a drive.
     """
 
     parameters: tuple[ParameterEstimate, ...]
@@ -43,22 +43,38 @@ class Calibration:
         fitted = {p.name: p.value for p in self.handed}
         return {**self.campaign_values, **self.settings, **fitted}
 
-    def set_values(self) -> list[SetValue]:
-        """The same for a parameter set, with errors and verdicts as notes."""
-        plain = {**self.campaign_values, **self.settings}
-        return [SetValue(name=name, value=value) for name, value in plain.items()] + [
+    def set_values(self, description: FmuDescription) -> list[SetValue]:
+        """The same for a parameter set, with errors and verdicts as notes.
+
+        Args:
+            description: of the FMU, in whose units they are.
+        """
+        plain, variables = {**self.campaign_values, **self.settings}, description.variables
+        return [
+            SetValue(name=name, value=value, unit=variables[name].unit)
+            for name, value in plain.items()
+        ] + [
             SetValue(name=p.name, value=p.value, unit=p.unit or None, notes=_notes(p))
             for p in self.handed
         ]
 
 
-def calibration(result: Result, description: FmuDescription, also: Collection[str]) -> Calibration:
+def calibration(
+    result: Result,
+    description: FmuDescription,
+    also: Collection[str],
+    tones: Sequence[str] = (),
+) -> Calibration:
     """What a result hands on to an FMU: by itself only what the data determine.
+
+    A value without a profile is one: its error comes from the covariance.
 
     Args:
         result: of a reconstruction.
         description: of the FMU.
         also: parameters that are handed on although the data do not determine them.
+        tones: variables of the FMU that hold the frequencies of its drive, which go along: those of
+            the highest peak, or of the top of the sweep. The FMU's own may be far from the line.
 
     Raises:
         BadInput: ``also`` names what was not fitted.
@@ -76,7 +92,8 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
             left[name] = "cannot be set in the FMU"
         else:
             unit = variable.unit or unit
-            if name not in also and fitted.status is not Verdict.DETERMINED:
+            is_sure = fitted.status in (Verdict.DETERMINED, Verdict.LINEARISED)
+            if name not in also and not is_sure:
                 left[name] = str(fitted.status)
         factor = convert(1.0, fitted.unit, unit, where=name) if unit != fitted.unit else 1.0
         parameters.append(fitted.in_unit(unit, factor))
@@ -92,10 +109,27 @@ def calibration(result: Result, description: FmuDescription, also: Collection[st
     return Calibration(
         parameters=tuple(parameters),
         left=left,
-        campaign_values=result.provenance.start_values,
+        campaign_values={**result.provenance.start_values, **_driven(result, description, tones)},
         settings=sure,
         open_settings={name: value for name, value in form.items() if name not in sure},
     )
+
+
+def _driven(result: Result, description: FmuDescription, tones: Sequence[str]) -> dict[str, Scalar]:
+    """Frequencies of the drive at the highest peak, else at the top of the sweep, by variable."""
+    known = [name for name in tones if name in description.variables]
+    frequencies: list[float] = []
+    if result.peaks:
+        top = max(result.peaks, key=lambda peak: peak.measured_v).experiment
+        frequencies = [peak.frequency_hz for peak in result.peaks if peak.experiment == top]
+    elif result.sweep is not None:
+        f_hz, measured_v = result.sweep.frequency_hz, result.sweep.measured_v
+        frequencies = [max(zip(measured_v, f_hz, strict=True))[1]]
+    units = [description.variables[name].unit or "Hz" for name in known]
+    return {
+        name: convert(f, "Hz", unit, where=name) if unit != "Hz" else f
+        for name, unit, f in zip(known, units, frequencies, strict=False)
+    }
 
 
 def _notes(p: ParameterEstimate) -> dict[str, str]:

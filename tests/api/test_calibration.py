@@ -16,6 +16,7 @@ from fmpy.ssp.ssd import read_ssd, read_ssv
 
 import fitting as ff
 from fitting.cli.main import main
+from fitting.draft.api import init
 from fitting.fmu.description import read_description
 from fitting.result.calibration import calibration, calibration_csv
 from fitting.result.result import Result, read_result, write_result
@@ -23,6 +24,7 @@ from fitting.text.errors import BadInput
 from fitting.text.estimate import Verdict
 from tests.models.test_hosts_masters import rows
 from tests.support.c_hosts import Pythonless
+from tests.support.cfmu_build import build_c_fmu, reworded
 from tests.support.fmus import unpack
 from tests.support.twins import shipped_binary
 
@@ -158,7 +160,11 @@ def test_the_system_structure_answers_in_libcosim_likewise(
     assert last == "end 0"
     ends = np.array([int(row.time) for row in found])
     times = (ends - 1000) / 1e9 + 1000 / 1e9
-    wanted = truth(read_result(fitted), times)
+    # the set brings the frequency of the drive along, amplitudes and the second tone are the FMU's
+    values = {p.name: p.value for p in read_ssv(str(calibrated / f"{NAME}.ssv")).parameters}
+    result = read_result(fitted)
+    wanted = line(result, times, float(values["u1"]), DRIVEN["A1"])
+    wanted += line(result, times, DRIVEN["u2"], DRIVEN["A2"])
     assert worst(np.array([row.values[0] for row in found]), wanted) < 1e-9
 
 
@@ -171,7 +177,13 @@ def test_fmpy_reads_set_and_structure_by_the_standards_schemas(
     for name in ("eta_plus", "d1"):
         assert values[name] == ("Real", repr(result.parameters[name].value), "Hz")
     assert values["periodic_start"][:2] == ("Boolean", "true")
-    assert values["eta_minus"][:2] == ("Real", "60000.0")
+    assert values["eta_minus"] == ("Real", "60000.0", "Hz")
+    # the drive is at the top of the line, not at the FMU's own 6.94 MHz
+    assert abs(float(values["u1"][1]) - result.parameters["eta_plus"].value) < 30.0
+    with zipfile.ZipFile(calibrated / f"{NAME}.ssp") as archive:
+        structure = archive.read("SystemStructure.ssd").decode()
+    assert structure.count('unit="Hz"') > 5
+    assert '<ssc:Unit name="Hz">' in structure
     text = (calibrated / f"{NAME}.ssv").read_text("utf-8")
     low, high = result.parameters["d1"].ci95
     assert f'ci95_low="{low!r}" ci95_high="{high!r}"' in text
@@ -195,7 +207,9 @@ def with_verdict(result: Result, name: str, verdict: Verdict) -> Result:
 
 
 @pytest.mark.parametrize(
-    "verdict", [v for v in Verdict if v is not Verdict.DETERMINED], ids=lambda v: v.name
+    "verdict",
+    [v for v in Verdict if v not in (Verdict.DETERMINED, Verdict.LINEARISED)],
+    ids=lambda v: v.name,
 )
 def test_what_is_not_determined_is_left_and_named(verdict: Verdict, fitted: Path) -> None:
     description = read_description(fitted.parent / "fmu" / "CoupledOscillator.fmu")
@@ -248,6 +262,39 @@ def test_an_alternative_that_others_equal_is_left(fitted: Path) -> None:
     assert calibration(tied, description, ()).settings == {}
     assert calibration(tied, description, ()).open_settings == {"reflection": False}
     assert calibration(tied, description, ["reflection"]).settings == {"reflection": False}
+
+
+def test_values_without_profiles_are_handed_on(fitted: Path) -> None:
+    description = read_description(fitted.parent / "fmu" / "CoupledOscillator.fmu")
+    result = read_result(fitted)
+    for name in result.parameters:
+        result = with_verdict(result, name, Verdict.LINEARISED)
+    assert [p.name for p in calibration(result, description, ()).handed] == ["eta_plus", "d1"]
+
+
+def test_the_fmu_that_a_campaign_names_is_found(tmp_path: Path) -> None:
+    """The driven oscillator in C: a unit that the FMU does not define is defined by SI."""
+    unit = '<Unit name="N/m"><BaseUnit kg="1" s="-2"/></Unit>'
+    fmu = reworded(build_c_fmu(tmp_path), {unit: ""})
+    f = np.linspace(286.0, 358.0, 13)
+    w = 2.0 * np.pi * f
+    rows = np.c_[f, 1.0 / np.abs(4100.0 - 1e-3 * w**2 + 0.2j * w)]
+    np.savetxt(tmp_path / "sweep.csv", rows, delimiter=",", header="f (Hz),x (m)", comments="")
+    init([tmp_path / "sweep.csv"], fmu, out=tmp_path)
+    out = tmp_path / "out"
+    words = [str(tmp_path / "campaign.toml"), "--out", str(out), "--workers", "1"]
+    assert main(["reconstruct", *words, "--no-profiles", "--no-report"]) == 0
+    assert main(["calibrate", str(out / "result.json"), "--out", str(tmp_path / "c")]) == 0
+    [ssv] = (tmp_path / "c").glob("*.ssv")
+    values = {
+        p.name: (float(p.value), p.unit) for p in read_ssv(str(ssv), validate=True).parameters
+    }
+    k, c = values["stiffness"], values["damping"]
+    assert k[0] / c[0] == pytest.approx(4100.0 / 0.2, rel=1e-3)
+    assert (k[1], c[1]) == ("N/m", "N.s/m")
+    text = "".join(ssv.read_text("utf-8").split())
+    defined = '<ssc:Unitname="N/m"><ssc:BaseUnitkg="1"s="-2"factor="1.0"/></ssc:Unit>'
+    assert defined in text
 
 
 def test_an_fmu_of_others_goes_into_the_structure_as_it_is(fitted: Path, tmp_path: Path) -> None:
