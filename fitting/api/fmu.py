@@ -128,6 +128,11 @@ class Fmu:
             numbers, faster.
         output_delay_steps: Communication steps by which outputs come late, at least 0: they are
             read so much later (co-simulation).
+        tolerance: Relative tolerance of the FMU's own solver, above zero; None: as its
+            DefaultExperiment declares.
+        start_time_s: Time of the FMU at which every run begins, s; None: as declared, or 0.
+        stop_time_s: Stop time that its set-up is given, s, or the end of a longer run; None: as
+            declared.
 
     Raises:
         BadInput: no such file or model, no FMU that this machine can run, no positive numbers.
@@ -143,6 +148,9 @@ class Fmu:
         interface: str | None = None,
         native: bool = False,
         output_delay_steps: int = 0,
+        tolerance: float | None = None,
+        start_time_s: float | None = None,
+        stop_time_s: float | None = None,
     ) -> None:
         is_model = isinstance(source, str) and source.isidentifier()
         self._model, self._native = str(source) if is_model else "", native
@@ -163,8 +171,10 @@ class Fmu:
                 f"output_delay_steps: found {output_delay_steps}, wanted 0: model exchange has no "
                 "communication steps"
             )
+        experiment = {"tolerance": tolerance, "start_s": start_time_s, "stop_s": stop_time_s}
+        given: dict[str, Any] = {key: v for key, v in experiment.items() if v is not None}
         self.workers = FmuWorkers(
-            replace(description, output_delay_steps=output_delay_steps),
+            replace(description, output_delay_steps=output_delay_steps, **given),
             workers=workers,
             timeout_s=timeout_s,
             timeout_name=timeout_name,

@@ -440,6 +440,9 @@ def fmu_of(
         interface=named.interface,
         native=named.native and folder is None,  # else it is compiled already
         output_delay_steps=named.output_delay_steps,
+        tolerance=named.tolerance,
+        start_time_s=named.start_time,
+        stop_time_s=named.stop_time,
     )
 
 
@@ -458,7 +461,13 @@ def one_fmu(campaigns: Sequence[Campaign]) -> WrittenFmu:
         pairs = {"": (one.model or one.file, two.model or two.file)}
         pairs |= {
             f" {key}": (getattr(one, key), getattr(two, key))
-            for key in ("interface", "output_delay_steps")
+            for key in (
+                "interface",
+                "output_delay_steps",
+                "tolerance",
+                "start_time",
+                "stop_time",
+            )
         }
         for key, (here, there) in pairs.items():
             if here != there and not (key == "" and _is_one_file(one.file, two.file)):

@@ -45,6 +45,8 @@ IN_PROGRAM: Mapping[str, str] = {
     "alternatives": "alternatives",
     "laws": "laws",
 }
+#: Items of an enumeration that an error lists.
+MOST_ITEMS = 10
 #: Values of Boolean variables as they may be written.
 BOOLEANS = {
     **dict.fromkeys(("true", "1", "1.0"), True),
@@ -153,6 +155,9 @@ class Binder:
             return self.number(variable, written)
         if kind == "Boolean" and str(raw).lower() in BOOLEANS:
             return BOOLEANS[str(raw).lower()]
+        items = variable.items
+        if isinstance(raw, str) and raw in items:
+            return items[raw]
         if kind == "Integer" and not isinstance(raw, bool):
             with suppress(ValueError):  # of a text that is no number
                 if float(raw).is_integer():
@@ -241,6 +246,8 @@ class Binder:
 
 
 def _of_kind(variable: FmuVariable) -> str:
+    if variable.items:
+        return f"an enumeration of {listed(variable.items, MOST_ITEMS)}"
     return f"{'an' if variable.kind[0] in 'AEIOU' else 'a'} {variable.kind} variable"
 
 

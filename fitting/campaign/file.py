@@ -92,6 +92,12 @@ class WrittenFmu(Keys):
     """Longest run, s; then the FMU has failed."""
     output_delay_steps: WholeNumber = 0
     """Communication steps by which outputs come late (see `fmu-fit check`); co-simulation only."""
+    tolerance: Positive | None = None
+    """Relative tolerance of the FMU's own solver; without it that of its DefaultExperiment."""
+    start_time: Annotated[float | None, Quantity("s")] = None
+    """Time of the FMU at which every run begins; without it that of its DefaultExperiment, or 0."""
+    stop_time: Annotated[float | None, Quantity("s")] = None
+    """Stop time that its set-up is given, or the end of a longer run; without it as declared."""
     start: Mapping[str, Value] = field(default_factory=dict)
     """Start values of the FMU."""
     taken: Texts = ()

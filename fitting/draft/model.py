@@ -165,6 +165,7 @@ class Offer:
         places: parameters that set where the resonance is.
         widths: parameters that set how wide it is.
         parameters: all that may be fitted.
+        further: inputs and start values of states, which may be fitted where they are named.
         steady: the switch that starts the FMU on its periodic orbit; empty: none.
         derived: outputs that are numbers of the model, as its eigenfrequency.
         qualities: outputs that are quality factors.
@@ -180,6 +181,7 @@ class Offer:
     places: tuple[str, ...]
     widths: tuple[str, ...]
     parameters: tuple[str, ...]
+    further: tuple[str, ...]
     steady: str
     derived: tuple[str, ...]
     qualities: tuple[str, ...]
@@ -302,6 +304,10 @@ def _offer_of(name: str, fmu: Fmu, interface: str | None, *, is_model: bool) -> 
         places=tuple(places),
         widths=tuple(widths),
         parameters=tuple(dict.fromkeys([*places, *widths, *(v.name for v in real)])),
+        # some tools keep coefficients in inputs
+        further=tuple(
+            v.name for v in settable if v.causality != "parameter" and v.start is not None
+        ),
         steady=next((v.name for v in switches if STEADY.search(_words(v))), ""),
         derived=tuple(numbers)[:MOST_DERIVED],
         qualities=tuple(v.name for v in shown if QUALITY.search(v.description.lower())),

@@ -423,7 +423,7 @@ def _decays_draft(
     [output] = answers.choose(OUTPUT, offer.outputs, [default], why)
     each = "each of its modes" if len(lines) > 1 else "its mode"
     what = f"a ringdown determines {'frequency and width' if phased else 'the width'} of {each}"
-    fitted = answers.choose("fit", offer.parameters, names, what)
+    fitted = answers.choose("fit", offer.parameters + offer.further, names, what)
     boxes = [known.get(n) or offer.box(n, offer.start(n), OWN) for n in fitted]
 
     made = [
@@ -522,7 +522,7 @@ def _traces_draft(
     record = _record(files[0], offer, driven)
     simulated = _simulation(record, offer, output)
     default, why, alike = _fitted(simulated, offer)
-    names = answers.choose("fit", offer.parameters, default, why)
+    names = answers.choose("fit", offer.parameters + offer.further, default, why)
     unit, values = files[0].observed.unit, record.y
     if unit and not scaled[0]:  # as the campaign reads it: to base units where the FMU has none
         values = _converted(values, unit, offer.variables[output].unit, str(files[0].table.path))

@@ -956,7 +956,7 @@ def _fitted(
         default = (*places[:2], *widths[:2], *more)
         why = "they set where the two lines are, how wide" + (" and how high" if more else "")
         why += ", by their units, names and descriptions"
-        return answers.choose("fit", offer.parameters, default, why)
+        return answers.choose("fit", offer.parameters + offer.further, default, why)
     trial: dict[str, str] = {}
     if main is not None and main.shown:
         line = main.shown[0]
@@ -978,7 +978,7 @@ def _fitted(
     if not default:  # what has a value can be searched about it
         default = tuple(n for n in offer.parameters if offer.variables[n].start)[:2]
     why += ", as a trial shows" if pair else ", by their units, names and descriptions"
-    return answers.choose("fit", offer.parameters, default, why)
+    return answers.choose("fit", offer.parameters + offer.further, default, why)
 
 
 def _response_at(

@@ -234,12 +234,19 @@ _OPEN = threading.local()
 
 
 def _opened_fmu(file: NeededFile, named: WrittenFmu) -> ff.Fmu:
-    how = named.timeout_s, named.interface, named.output_delay_steps
-    key = (file.digest, *how)
+    how = {
+        "timeout_s": named.timeout_s,
+        "interface": named.interface,
+        "output_delay_steps": named.output_delay_steps,
+        "tolerance": named.tolerance,
+        "start_time_s": named.start_time,
+        "stop_time_s": named.stop_time,
+    }
+    key = (file.digest, *how.values())
     last, fmu = getattr(_OPEN, "last", (None, None))
     if last != key or fmu is None:
         if fmu is not None:
             fmu.workers.close()
-        fmu = ff.Fmu(place_of(file), 1, how[0], interface=how[1], output_delay_steps=how[2])
+        fmu = ff.Fmu(place_of(file), 1, **how)
         _OPEN.last = (key, fmu)
     return fmu

@@ -138,6 +138,8 @@ class FmuDescription:
     outputs come late, as its user states; ``is_chosen``: whether its user chose the interface.
     ``instead_of_s``: step of co-simulation for which model exchange was taken, s; 0: it was not.
     outputs come late, as its user states. ``library`` is its binary for this platform, in the file.
+    ``start_s``, ``stop_s`` and ``tolerance`` are those of its default experiment, or as its user
+    states: a run begins at the first, its set-up names the others; None: none.
     """
 
     path: Path
@@ -161,6 +163,9 @@ class FmuDescription:
     is_chosen: bool = False
     instead_of_s: float = 0.0
     library: str = ""
+    start_s: float = 0.0
+    stop_s: float | None = None
+    tolerance: float | None = None
     #: Where the file is, whatever folder the process works in later; ``path`` is as it was named.
     file: Path = field(init=False, repr=False, compare=False)
 
@@ -295,6 +300,11 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
             step_s = _number(getattr(element, key, None), f"{path}: {name}")
             steps.append(step_s if step_s is not None and 0.0 < step_s < math.inf else None)
         any_steps = bool(declared.canHandleVariableCommunicationStepSize)
+    experiment: list[float | None] = []
+    for key in ("startTime", "stopTime", "tolerance"):
+        text = getattr(model.defaultExperiment, key, None)
+        number = _number(text, f"{path}: DefaultExperiment {key}")
+        experiment.append(number if number is not None and math.isfinite(number) else None)
     sizes = {id(d.variable) for v in model.modelVariables for d in v.dimensions}
     return FmuDescription(
         path=path,
@@ -320,6 +330,9 @@ def read_description(path: Path | str, interface: str | None = None) -> FmuDescr
         offers=tuple(offered),
         is_chosen=interface is not None,
         library=wanted,
+        start_s=experiment[0] or 0.0,
+        stop_s=experiment[1],
+        tolerance=experiment[2] or None,
     )
 
 

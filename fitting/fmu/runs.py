@@ -241,6 +241,16 @@ def row_times(run: Run | RunRequest) -> list[float]:
     return times
 
 
+def end_time(run: RunRequest) -> float:
+    """Time of the last row of a run, from its beginning at 0 s, and a step more for rounding.
+
+    Args:
+        run: with settling, step and number of samples.
+    """
+    ends = (p.settle_s + p.samples * p.sample_step_s for p in (run, *run.segments))
+    return run.start_time_s + sum(ends)
+
+
 def parts(span_s: float, longest_s: float) -> int:
     """Into how many equal communication steps a time is divided.
 

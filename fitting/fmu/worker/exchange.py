@@ -64,7 +64,7 @@ class ModelExchange(FmuInstance):
         self._running = False
         super().instantiate()
 
-    def enter_initialisation(self, start_time: float) -> None:
+    def enter_initialisation(self, start_time: float, end_time: float) -> None:
         """As in co-simulation; the time is kept, and nothing is known of the equations."""
         self._start_s, self._event_s, self._step_s = start_time, math.inf, 0.0
         self._input = None
@@ -72,7 +72,7 @@ class ModelExchange(FmuInstance):
         self._equations: LinearEquations | None = None
         self._curved, self._stale, self._integrate_to = False, False, -math.inf
         self._propagators: dict[float, FloatArray] = {}
-        super().enter_initialisation(start_time)
+        super().enter_initialisation(start_time, end_time)
 
     def leave_initialisation(self) -> None:
         """Initial values, the first events, and the size of the states."""
@@ -297,7 +297,7 @@ class ModelExchange(FmuInstance):
 
     def _set_time(self, t: float) -> None:
         self._now_s = t
-        self.call("SetTime", t)
+        self.call("SetTime", t + self.origin_s)
         if self._input is not None:
             super().set(self._input, (self._input_at(t),))
 

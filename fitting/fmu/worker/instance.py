@@ -70,6 +70,10 @@ class FmuInstance:
     boolean: Any
     values_counted: bool  # FMI 3.0 passes the number of values behind the buffer
     sizes: tuple[int, int] = 0, 0  # of model exchange: states and event indicators
+    #: Time of the FMU at which runs begin, s; its stop time and tolerance, None: not stated.
+    origin_s: float = 0.0
+    stop_s: float | None = None
+    tolerance: float | None = None
 
     def __init__(self, fmu: Any, log: Log) -> None:
         self.fmu = fmu
@@ -201,13 +205,21 @@ class FmuInstance:
     def _instantiate(self) -> None:
         raise NotImplementedError
 
-    def enter_initialisation(self, start_time: float) -> None:
-        """Set up the experiment and go to initialisation mode; no stop time, no tolerance.
+    def enter_initialisation(self, start_time: float, end_time: float) -> None:
+        """Set up the experiment and go to initialisation mode.
 
         Args:
             start_time: of the run, s.
+            end_time: of the run, s; a stop time that is stated is no earlier.
         """
         raise NotImplementedError
+
+    def _experiment(self, start_time: float, end_time: float) -> tuple[float | bool, ...]:
+        """Whether there is a tolerance, which; start; whether there is a stop time, which."""
+        stop = None if self.stop_s is None else max(self.stop_s, self.origin_s + end_time)
+        has_tolerance, has_stop = self.tolerance is not None, stop is not None
+        start = self.origin_s + start_time
+        return has_tolerance, self.tolerance or 0.0, start, has_stop, stop or 0.0
 
     def step(self, at: float, step: float) -> None:
         """One communication step from ``at``; raises CallFailed as well if it ends early.
@@ -244,13 +256,14 @@ class FmuInstance2(FmuInstance):
     def _instantiate(self) -> None:
         self.fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
 
-    def enter_initialisation(self, start_time: float) -> None:
+    def enter_initialisation(self, start_time: float, end_time: float) -> None:
         """SetupExperiment and EnterInitializationMode."""
-        self.call("SetupExperiment", 0, 0.0, start_time, 0, 0.0)
+        self.call("SetupExperiment", *self._experiment(start_time, end_time))
         self.call("EnterInitializationMode")
 
     def step(self, at: float, step: float) -> None:
         """DoStep; the FMU reports by 'discard' that it stopped early."""
+        at += self.origin_s
         self._at.value, self._step.value = at, step
         status = self._do_step(self.instance, self._at, self._step, self._keeps_no_state)
         if status <= WARNING:
@@ -286,12 +299,13 @@ class FmuInstance3(FmuInstance):
             logMessage=lambda _environment, status, _category, message: receive(status, message),
         )
 
-    def enter_initialisation(self, start_time: float) -> None:
-        """EnterInitializationMode with the start time."""
-        self.call("EnterInitializationMode", False, 0.0, start_time, False, 0.0)
+    def enter_initialisation(self, start_time: float, end_time: float) -> None:
+        """EnterInitializationMode with the experiment."""
+        self.call("EnterInitializationMode", *self._experiment(start_time, end_time))
 
     def step(self, at: float, step: float) -> None:
         """DoStep; the FMU reports by flags and the time reached that it stopped early."""
+        at += self.origin_s
         self._terminated.value = self._early.value = False
         self._reached.value = wanted = at + step  # for FMUs that do not write it
         self._at.value, self._step.value = at, step
@@ -338,6 +352,8 @@ def load(description: FmuDescription, folder: str, log: Log) -> FmuInstance:
     except Exception as error:  # fmpy raises a bare Exception
         raise CallFailed(f"its library cannot be loaded: {error}") from error
     instance = interface(fmu, log)
+    instance.origin_s, instance.stop_s = description.start_s, description.stop_s
+    instance.tolerance = description.tolerance
     if exchange is not None:
         instance.sizes = exchange
     return instance

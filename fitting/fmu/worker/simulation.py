@@ -19,6 +19,7 @@ from fitting.fmu.runs import (
     Segment,
     Tone,
     communication_steps,
+    end_time,
     parts,
     row_times,
 )
@@ -86,7 +87,7 @@ def simulate(fmu: FmuInstance, binding: Binding, request: RunRequest) -> FloatAr
         fmu.call("ExitConfigurationMode")
     read = _reader(fmu, layout.gets, binding.gets, result)
     initial = _reader(fmu, layout.initial, binding.initial, result)
-    fmu.enter_initialisation(request.start_time_s)
+    fmu.enter_initialisation(request.start_time_s, end_time(request))
     advance, late = fmu.step, None
     if request.delay_steps and steps_of(request):
         late = _LateOutputs(fmu.step, read, request.delay_steps)
