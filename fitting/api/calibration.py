@@ -67,13 +67,13 @@ def calibrate(
     else:
         fitted = result if isinstance(result, Result) else read_result(Path(result))
     provenance = fitted.provenance
-    campaign, written_campaign = Path(provenance.campaign), None
+    written_campaign = None
     with suppress(BadInput):  # it may be elsewhere by now
-        written_campaign = read_campaign_file(campaign)
+        written_campaign = read_campaign_file(Path(provenance.campaign))
     if fmu is None:  # a model that was built lies in the folder of the results
         places = [] if source is None else [source.parent / "fmu" / provenance.fmu_file]
         if written_campaign is not None and written_campaign.fmu.file is not None:
-            places.append(campaign.parent / written_campaign.fmu.file)
+            places.append(written_campaign.fmu.file)
         fmu = next((place for place in places if place.is_file()), None)
         if fmu is None:
             where = "" if source is None else f"{source}: "

@@ -234,7 +234,7 @@ _OPEN = threading.local()
 
 
 def _opened_fmu(file: NeededFile, named: WrittenFmu) -> ff.Fmu:
-    how = {
+    how: dict[str, Any] = {
         "timeout_s": named.timeout_s,
         "interface": named.interface,
         "output_delay_steps": named.output_delay_steps,

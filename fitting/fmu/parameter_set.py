@@ -121,7 +121,7 @@ def system_structure(fmu: Path, values: str, description: FmuDescription) -> byt
     source, bound = f"resources/{fmu.name}", f"resources/{fmu.stem}.ssv"
     component = _element("ssd:Component", elements, name=name, source=source, type=FMU_TYPE)
     connectors = _element("ssd:Connectors", component)
-    used = []
+    used: list[str] = []
     for variable in description.variables.values():
         if variable.causality in ("input", "output", "parameter") and variable.kind != "other":
             ends = {"name": variable.name, "kind": variable.causality}

@@ -247,8 +247,8 @@ def end_time(run: RunRequest) -> float:
     Args:
         run: with settling, step and number of samples.
     """
-    ends = (p.settle_s + p.samples * p.sample_step_s for p in (run, *run.segments))
-    return run.start_time_s + sum(ends)
+    end_s = run.start_time_s + run.settle_s + run.samples * run.sample_step_s
+    return end_s + sum(s.settle_s + s.samples * s.sample_step_s for s in run.segments)
 
 
 def parts(span_s: float, longest_s: float) -> int:

@@ -272,17 +272,20 @@ def test_values_without_profiles_are_handed_on(fitted: Path) -> None:
     assert [p.name for p in calibration(result, description, ()).handed] == ["eta_plus", "d1"]
 
 
-def test_the_fmu_that_a_campaign_names_is_found(tmp_path: Path) -> None:
+def test_the_fmu_that_a_campaign_names_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The driven oscillator in C: a unit that the FMU does not define is defined by SI."""
+    monkeypatch.chdir(tmp_path)
     unit = '<Unit name="N/m"><BaseUnit kg="1" s="-2"/></Unit>'
     fmu = reworded(build_c_fmu(tmp_path), {unit: ""})
     f = np.linspace(286.0, 358.0, 13)
     w = 2.0 * np.pi * f
     rows = np.c_[f, 1.0 / np.abs(4100.0 - 1e-3 * w**2 + 0.2j * w)]
     np.savetxt(tmp_path / "sweep.csv", rows, delimiter=",", header="f (Hz),x (m)", comments="")
-    init([tmp_path / "sweep.csv"], fmu, out=tmp_path)
-    out = tmp_path / "out"
-    words = [str(tmp_path / "campaign.toml"), "--out", str(out), "--workers", "1"]
+    init([tmp_path / "sweep.csv"], fmu, out="draft")
+    out = Path("out")
+    words = ["draft/campaign.toml", "--out", "out", "--workers", "1"]
     assert main(["reconstruct", *words, "--no-profiles", "--no-report"]) == 0
     assert main(["calibrate", str(out / "result.json"), "--out", str(tmp_path / "c")]) == 0
     [ssv] = (tmp_path / "c").glob("*.ssv")
