@@ -14,6 +14,7 @@ from fitting.campaign.file import read_campaign_file
 from fitting.fmu.description import read_description
 from fitting.fmu.models import rebuilt
 from fitting.fmu.parameter_set import parameter_set, system_structure
+from fitting.measurements.kinds import KINDS
 from fitting.result.calibration import Calibration, calibration, calibration_csv
 from fitting.result.result import Result, read_result
 from fitting.text.errors import BadInput
@@ -69,7 +70,7 @@ def calibrate(
     provenance = fitted.provenance
     written_campaign = None
     with suppress(BadInput):  # it may be elsewhere by now
-        written_campaign = read_campaign_file(Path(provenance.campaign))
+        written_campaign = read_campaign_file(Path(provenance.campaign), KINDS)
     if fmu is None:  # a model that was built lies in the folder of the results
         places = [] if source is None else [source.parent / "fmu" / provenance.fmu_file]
         if written_campaign is not None and written_campaign.fmu.file is not None:

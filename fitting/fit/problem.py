@@ -9,6 +9,7 @@ import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from fitting.campaign.joint import join_parameters, named_apart
 from fitting.campaign.noise import Noise
 from fitting.campaign.parameters import Parameter, starts
 from fitting.fmu.accuracy import read_accuracy_annotation
-from fitting.fmu.description import read_description
+from fitting.fmu.description import EXPERIMENT, read_description
 from fitting.fmu.pool import FmuWorkers
 from fitting.measurements.dataset import Dataset, measurements_of
 from fitting.measurements.driven_model import DrivenModel
@@ -249,7 +250,9 @@ def plan_problem(problem: Problem, workers: FmuWorkers) -> PlannedFmu:
     if hard_s and not description.is_chosen and INTERFACES[1] in description.offers:
         try:
             exchange = read_description(description.file, INTERFACES[1])
-            workers.go_on_by(replace(exchange, path=description.path, instead_of_s=hard_s))
+            exchange = replace(exchange, path=description.path, instead_of_s=hard_s)
+            given: dict[str, Any] = {key: getattr(description, key) for key in EXPERIMENT}
+            workers.go_on_by(replace(exchange, **given))
             planned = _planned(problem, workers)
         except (BadInput, FmuFailure):  # its equations cannot be had: as before
             workers.go_on_by(description)

@@ -49,6 +49,8 @@ TONE_NAME = re.compile(r"(.*?)(\d+)")
 #: An FMU that has u2 and A2 drives with u2 unless A2 is zero.
 AMPLITUDE_STEM = "A"
 
+#: What a set-up is given, which may be stated otherwise than the file declares it.
+EXPERIMENT = ("start_s", "stop_s", "tolerance")
 #: Elements of an array (FMI 3.0) up to which each is a variable here.
 MOST_ELEMENTS = 1000
 
@@ -137,7 +139,7 @@ class FmuDescription:
     None: co-simulation. ``output_delay_steps`` is not declared: communication steps by which its
     outputs come late, as its user states; ``is_chosen``: whether its user chose the interface.
     ``instead_of_s``: step of co-simulation for which model exchange was taken, s; 0: it was not.
-    outputs come late, as its user states. ``library`` is its binary for this platform, in the file.
+    ``library`` is its binary for this platform, in the file.
     ``start_s``, ``stop_s`` and ``tolerance`` are those of its default experiment, or as its user
     states: a run begins at the first, its set-up names the others; None: none.
     """
