@@ -93,6 +93,11 @@ COMMANDS = (
     Command("faults", "faults of input survived", smoke="--each 60"),
     Command("fmu", "time per step of every solver", smoke="--steps 50 --rounds 1"),
     Command(
+        "fmus",
+        "what four commands make of FMUs of others, from records by plain fmpy",
+        smoke="--only 'a lag'",
+    ),
+    Command(
         "hidden",
         "false statements about hidden laboratories, a third of them wrong",
         full=("--record hidden.jsonl",),
