@@ -19,6 +19,7 @@ from typing import Any
 
 from fitting import Problem
 from fitting.draft.model import Box, Offer, Starts
+from fitting.extension.fmu import OutOfTime
 from fitting.extension.records import Channel, bind, read_campaign
 from fitting.resonance.reading import Roles
 from fitting.text.errors import BadInput, FmuFailure, did_you_mean
@@ -39,6 +40,8 @@ HEAD = (
 )
 #: Name of the table that a drafted map of several files reads: the control, and each file.
 LIST = "spectra.csv"
+#: Processor time of runs in which a draft is planned and run once, s.
+MOST_S = 10.0
 #: Letters in a line of the head.
 HEAD_WIDTH = 98
 #: Of the input of an instrument with levels in dBm, unless another is given.
@@ -297,29 +300,14 @@ def draft_from(  # noqa: PLR0913 - the parts of a campaign
         path = scratch / "campaign.toml"
         write_whole(path, text.replace(f"\n{MARK}", "\n"))
         write_whole(scratch / "sweep.csv", EXAMPLE)
-        failure: BadInput | FmuFailure | None = None
-        is_bound = False
-        try:
-            campaign = read_campaign(path)
-            bind(campaign, offer.variables)
-            is_bound = True
-            if not missing:  # planned and run once where it starts: what fails there fails in a fit
-                problem = Problem.of(campaign, offer.fmu)
-                problem.residuals(problem.start)
-        except BadInput as error:
-            errors = (
-                str(t).replace(f"{path}: ", "").replace(str(path), "draft") for t in error.args
-            )
-            failure = BadInput(*(f"the draft does not suit: {each}" for each in errors))
-            if not is_bound:
-                raise failure from error
-        except FmuFailure as error:
-            failure = error
+        failure, is_run = _tried(path, offer, is_whole=not missing)
     first = "A campaign for this FMU, written by fmu-fit init: what is missing stands at its end."
     text = blocks("draft/text")
     without = [str(text.unused(path.name, columns)) for path, columns in unused if columns]
     beyond = [line for each in (*without, undescribed) for line in wrap(each, HEAD_WIDTH)]
     opening = HEAD[0] if failure is None else str(text.fails(failure))
+    opening = opening if is_run else str(text.slow(MOST_S))
+    notes = (*notes, *(() if is_run else (opening,)))
     head = (first, HEAD[1]) if missing else (*wrap(opening, HEAD_WIDTH), HEAD[1], *beyond)
     starts = [str(text.start(box)) for box in boxes]
     notes = (*notes, *without, *answers.notes, *starts)
@@ -327,6 +315,41 @@ def draft_from(  # noqa: PLR0913 - the parts of a campaign
     return Draft(
         _text(tables, folder, head) + missing, notes, undescribed, listed_files, failure=failure
     )
+
+
+def _tried(
+    path: Path, offer: Offer, *, is_whole: bool
+) -> tuple[BadInput | FmuFailure | None, bool]:
+    """Bind a campaign; plan and run a whole one once where it starts: what fails there fails a fit.
+
+    Returns:
+        why it does not run, and whether the time was enough for it to run.
+
+    Raises:
+        BadInput: it does not suit the FMU.
+    """
+    is_bound, workers = False, offer.fmu.workers
+    try:
+        campaign = read_campaign(path)
+        bind(campaign, offer.variables)
+        is_bound = True
+        if is_whole:
+            workers.until_s = workers.counts.processor_s + MOST_S
+            problem = Problem.of(campaign, offer.fmu)
+            problem.residuals(problem.start)
+    except OutOfTime:
+        return None, False
+    except BadInput as error:
+        errors = (str(t).replace(f"{path}: ", "").replace(str(path), "draft") for t in error.args)
+        failure = BadInput(*(f"the draft does not suit: {each}" for each in errors))
+        if not is_bound:
+            raise failure from error
+        return failure, True
+    except FmuFailure as error:
+        return error, True
+    finally:
+        workers.until_s = math.inf
+    return None, True
 
 
 def _path(path: Path, folder: Path | None) -> str:

@@ -14,7 +14,7 @@ from fitting.fmu.description import (
     validation_problems,
 )
 from fitting.fmu.models import built_model
-from fitting.fmu.pool import FmuWorkers
+from fitting.fmu.pool import FmuWorkers, OutOfTime
 from fitting.fmu.runs import Handling, Run, SampledSignal, Segment
 from fitting.measurements.time_record import is_late
 from fitting.simulate.response import USUAL_ACCURACY
@@ -27,6 +27,7 @@ __all__ = [
     "FmuWorkers",
     "Handling",
     "NeededFile",
+    "OutOfTime",
     "Run",
     "SampledSignal",
     "Segment",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import re
 import time
@@ -40,6 +41,10 @@ MOST_WARNINGS, DROPPED = 50, "… further warnings dropped"
 #: Runs that a worker is sent at once: it holds all of them, and what they gave.
 MOST_SENT = 2_000
 _PLAIN = re.compile(r"[A-Za-z0-9/._:\\-]+")
+
+
+class OutOfTime(Exception):
+    """A batch that was to begin after the processor time that its caller allows."""
 
 
 class _Open:
@@ -124,6 +129,8 @@ class FmuWorkers:
         self.warnings: tuple[str, ...] = ()
         self.latest_warnings: tuple[str, ...] = ()
         self.memory_bytes = 0
+        #: Processor time of runs, s, after which no batch begins, but raises OutOfTime.
+        self.until_s = math.inf
         self._timeout_s = timeout_s
         self._timeout_name = timeout_name
         self._isolation = isolation
@@ -215,6 +222,8 @@ class FmuWorkers:
         Raises FmuFailure for the first run found to fail, with the FMU's words and the start values
         of that run; BadInput for names and values that do not fit the FMU.
         """
+        if self.counts.processor_s > self.until_s:
+            raise OutOfTime
         with self._own_turn():
             requests = self._requests.take_all(runs)
             self.latest_warnings = ()
