@@ -78,10 +78,14 @@ def _remove_all() -> None:
 def _remove(folder: Path, owner: int) -> None:
     if os.getpid() != owner:  # a fork of it
         return
-    # `shutil.rmtree` takes two files open for every level: this takes one in all
-    for path in (*sorted(folder.rglob("*"), reverse=True), folder):
-        with suppress(OSError):
-            path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
+    # `shutil.rmtree` takes two files open for every level: this takes one in all, and passes over
+    # what another process, as a worker that ends, removes at the same time
+    for place, folders, files in os.walk(folder, topdown=False):
+        for path in (Path(place, name) for name in (*folders, *files)):
+            with suppress(OSError):
+                path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink()
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def _locked(folder: Path) -> FileLock:

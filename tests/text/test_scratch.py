@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -78,3 +79,21 @@ def test_a_folder_that_is_named_as_seen_from_here_is_found_from_elsewhere(
         assert folder.parent == tmp_path
     with Scratch(Path()) as folder:
         assert folder.parent == tmp_path
+
+
+def test_what_another_process_removes_at_the_same_time_is_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a worker that ends removes the FMU that it had unpacked."""
+    made = Scratch(tmp_path)
+    (made.path / "fmu" / "documentation").mkdir(parents=True)
+    listed = os.scandir
+
+    def gone(path: str | os.PathLike[str]) -> Any:
+        if Path(path).name == "documentation":
+            Path(path).rmdir()
+        return listed(path)
+
+    monkeypatch.setattr(os, "scandir", gone)
+    made.remove()
+    assert not made.path.exists()
