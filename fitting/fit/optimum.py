@@ -31,6 +31,8 @@ TOO_LARGE_P = 0.05
 #: Chi square by which the data may be described better with wider noise, and times that a search
 #: is gone on with where they are: then it had been stuck.
 MISSED, ONCE_MORE = 0.1, 3
+#: Rise of chi square, one by the slopes, up to which a step is not seen, and the factor on it then.
+SEEN, LONGER = 0.5, 4.0
 #: Gain in chi square, were a bound not there, from which the bound is active.
 ACTIVE = 0.1
 #: Times that noise is taken anew from the residuals that it leaves, and the change that is none.
@@ -132,6 +134,54 @@ def most_likely(evaluator: LikelihoodEvaluator, starts: Sequence[FloatArray]) ->
         [[read]] = evaluator([Request((here.x,), rows=False)])
     sample = replace(here.sample, outputs=read.outputs)
     return replace(result, expansion=replace(here, sample=sample))
+
+
+def confirmed(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
+    """The optimum, or a lower one that a search finds from a standard error away.
+
+    Where a model has events, or steps of its own, it is a staircase: slopes over short differences
+    mean little, and a search ends where it began. A standard error is a difference that the data
+    see: chi square is one more there, if the slopes are right, the other parameters following:
+
+        x +- C e_i/sqrt(C_ii)
+
+    A step that they do not see, behind the edge of a stair, is made longer, up to the bounds.
+
+    Args:
+        evaluator: of the likelihood, which was given that of the optimum.
+        optimum: where a search ended.
+    """
+    steps = _standard_errors(optimum)
+    while steps.size:  # chi square falls by MISSED at least wherever they begin anew
+        likelihood, x = optimum.likelihood, optimum.expansion.x
+        around = np.clip(x + steps, likelihood.lower, likelihood.upper)
+        try:
+            with evaluator.limited():
+                [samples] = evaluator([Request(tuple(around), outputs=False)])
+            values = np.array([float(sample.rows @ sample.rows) for sample in samples])
+            values[np.isnan(values)] = np.inf  # the model fails there
+            lowest = int(np.argmin(values))
+            if values[lowest] < optimum.least - MISSED:
+                # residuals that are smaller widen the noise by less
+                evaluator.likelihood = replace(likelihood, inflation=1.0)
+                optimum = most_likely(evaluator, [around[lowest]])
+                steps = _standard_errors(optimum)
+                continue
+        except Exhausted:
+            break
+        is_inside = np.any(np.abs(around - x) > 0.5 * np.abs(steps), axis=1)
+        steps = LONGER * steps[(values < optimum.least + SEEN) & is_inside]
+    return optimum
+
+
+def _standard_errors(optimum: Optimum) -> FloatArray:
+    """Steps (2 k, n) by a standard error of each of k parameters, up and down; others follow."""
+    likelihood, here = optimum.likelihood, optimum.expansion
+    prior = likelihood.widths / UNIFORM_WIDTH
+    covariance = Linearisation(rows=here.sample.rows, matrix=here.matrix, prior=prior).covariance
+    own = [k for k, p in enumerate(likelihood.parameters) if not p.experiments]
+    steps = covariance[own] / np.sqrt(np.diag(covariance))[own, np.newaxis]
+    return np.concatenate([steps, -steps])
 
 
 def with_central_slopes(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:

@@ -18,7 +18,7 @@ from fitting.fit.fit import Fit, Status, fit_from
 from fitting.fit.likelihood import LikelihoodEvaluator, likelihood_of
 from fitting.fit.noise import RowNoise, doubted, shared_at
 from fitting.fit.objective import evaluate_many
-from fitting.fit.optimum import active_bounds_at, most_likely
+from fitting.fit.optimum import active_bounds_at, confirmed, most_likely
 from fitting.fit.options import ALGORITHM2
 from fitting.inference.adequacy import adequacy_of, closer_form, ending_of, unseen
 from fitting.inference.agreement import (
@@ -145,7 +145,7 @@ class _Reading:
     `determined` is None where no profiles were scanned, `missing` is the reason; `adequacy` whether
     the model will do, None where that was not tested; `inflation` that of the stated noise;
     `at_bounds` names the parameters that the data would move beyond their bounds, where no profiles
-    do.
+    do; `is_lower`: chi square may be lower than at the end of the fit.
     """
 
     best: FloatArray
@@ -154,6 +154,7 @@ class _Reading:
     determined: Determined | None = None
     missing: tuple[Finding, ...] = ()
     at_bounds: tuple[str, ...] = ()
+    is_lower: bool = False
 
 
 def _with_doubts(fit: Fit, sweeps: SweepFindings | None) -> tuple[Fit, SweepFindings]:
@@ -201,7 +202,8 @@ def _read(
             determined = _profiles(fit, options, sweeps, noise, known, scale_off)
             knowledge = determined.knowledge
             best = np.array([knowledge.most_likely[p.name] for p in solution.parameters])
-            return _Reading(best, knowledge.adequacy, knowledge.inflation, determined)
+            adequacy, inflation = knowledge.adequacy, knowledge.inflation
+            return _Reading(best, adequacy, inflation, determined, is_lower=True)
         except KeyboardInterrupt:
             why = "interrupted"
         except FmuFailure as failure:
@@ -209,7 +211,8 @@ def _read(
         missing = (Finding(kind=Kind.profiles_missing, severity="warning", subject=why),)
     evaluator = LikelihoodEvaluator(likelihood_of(solution.objective, noise))
     try:
-        optimum = most_likely(evaluator, [solution.final.x])
+        found = most_likely(evaluator, [solution.final.x])
+        optimum = confirmed(evaluator, found)
     except (FmuFailure, KeyboardInterrupt):
         return _Reading(solution.final.parameters, None, inflation, missing=missing)
     closer = unseen(solution) or closer_form(solution, sweeps.fits)
@@ -218,7 +221,14 @@ def _read(
     best = to_model(solution.parameters, with_values(replace(fit.outcome, x=optimum.expansion.x)).x)
     active = active_bounds_at(optimum.likelihood, optimum.expansion, ())
     names = tuple(solution.parameters[i].name for i in active)
-    return _Reading(best, adequacy, optimum.likelihood.inflation, missing=missing, at_bounds=names)
+    return _Reading(
+        best,
+        adequacy,
+        optimum.likelihood.inflation,
+        missing=missing,
+        at_bounds=names,
+        is_lower=optimum is not found,
+    )
 
 
 def _profiles(
@@ -271,7 +281,7 @@ def _with_better_fit(fit: Fit, read: _Reading) -> Fit:
     x = np.clip(to_search(solution.parameters, read.best), lower, upper)
     try:
         [point] = evaluate_many(solution.objective, [x])
-        anew = fit if read.determined is None else fit_from(fit, x)
+        anew = fit_from(fit, x) if read.is_lower else fit
     except FmuFailure:
         return fit
     solution = anew.solution

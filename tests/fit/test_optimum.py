@@ -19,6 +19,7 @@ from fitting.fit.objective import evaluate_many
 from fitting.fit.optimum import (
     Optimum,
     active_bounds_at,
+    confirmed,
     freedom_of,
     inflation_of,
     most_likely,
@@ -255,3 +256,28 @@ def test_without_a_slope_noise_has_the_freedom_of_all_rows() -> None:
     assert optimum.freedom_along(np.array([1.0, 0.0]), seen) == pytest.approx(3.0, rel=1e-2)
     for lost in (np.array([1.0, np.nan]), np.full(2, np.inf)):
         assert optimum.freedom_along(lost, seen) == optimum.noise_freedom
+
+
+def test_a_staircase_is_descended_by_steps_of_the_noise() -> None:
+    """Between its steps it falls where it rises as a whole, as an FMU with events may.
+
+    Its level is 8 k/20 at x = k/20, and 24 was measured five times: x = 3 to a step.
+    """
+
+    def rows(p: FloatArray) -> FloatArray:
+        k = math.floor(20.0 * p[0])
+        return np.full(5, 8.0 * (k / 20.0 - 0.3 * (p[0] - k / 20.0)) - 24.0)
+
+    evaluator = in_box(rows, 1)
+    stuck = most_likely(evaluator, [np.array([0.02])])
+    assert stuck.expansion.x[0] < 1.0
+    assert confirmed(evaluator, stuck).expansion.x[0] == pytest.approx(3.0, abs=0.1)
+
+
+def test_a_minimum_is_confirmed_by_two_evaluations_for_each_parameter() -> None:
+    """Rows that are straight: it is the same one."""
+    evaluator = in_box(lambda p: np.array([p[0] - 1.0, 2.0 * p[1] + p[0], p[1]]), 2)
+    found = most_likely(evaluator, [np.zeros(2)])
+    before = evaluator.evaluations
+    assert confirmed(evaluator, found) is found
+    assert evaluator.evaluations == before + 4
