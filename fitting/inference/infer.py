@@ -211,8 +211,8 @@ def _read(
         missing = (Finding(kind=Kind.profiles_missing, severity="warning", subject=why),)
     evaluator = LikelihoodEvaluator(likelihood_of(solution.objective, noise))
     try:
-        found = most_likely(evaluator, [solution.final.x])
-        optimum = confirmed(evaluator, found)
+        descent = most_likely(evaluator, [solution.final.x])
+        optimum = confirmed(evaluator, descent)
     except (FmuFailure, KeyboardInterrupt):
         return _Reading(solution.final.parameters, None, inflation, missing=missing)
     closer = unseen(solution) or closer_form(solution, sweeps.fits)
@@ -227,7 +227,7 @@ def _read(
         optimum.likelihood.inflation,
         missing=missing,
         at_bounds=names,
-        is_lower=optimum is not found,
+        is_lower=optimum is not descent,
     )
 
 

@@ -398,14 +398,14 @@ class Survey:
         count, misfit_s = first_steps(trace.run_step_s, own_s)
         first = replace(self._plan(count), own_s=misfit_s)
         self._refuse_nonlinear(points[0], count)
-        kept = self._that_run(points, count)
+        running = self._that_run(points, count)
         left = plan.budget.remaining() if plan.budget is not None else self.kind.setup.accuracy
         left /= trace.value_share  # steps are compared by the largest value, the budget by rows
         if not self.delay_steps and self._is_late(points[0], count, left):
             return replace(self, delay_steps=1).planned(points)
         try:
-            steps = planned_steps(first, partial(self._simulated, kept), left, trace.run_samples)
-            steps = self._integrated(kept, self._refined(kept, steps, left))
+            steps = planned_steps(first, partial(self._simulated, running), left, trace.run_samples)
+            steps = self._integrated(running, self._refined(running, steps, left))
         except NoAnswer:
             raise
         except FmuFailure:
@@ -415,7 +415,7 @@ class Survey:
                 raise
             steps = alone
         if trace.has_unknown_start and self.model.any_steps and steps.per_sample == 1:
-            steps = self._of_few_samples(kept, steps, left)
+            steps = self._of_few_samples(running, steps, left)
         return plan.with_steps(replace(steps, bound=trace.value_share * steps.bound))
 
     def reviewed(self, p: FloatArray) -> Plan:
@@ -589,10 +589,10 @@ class Survey:
         Raises:
             FmuFailure: the FMU refuses these, too.
         """
-        asked = self.trace.on_grid(grid_s)
-        if asked is None:
+        gridded = self.trace.on_grid(grid_s)
+        if gridded is None:
             return None
-        look, at = asked
+        look, at = gridded
         steps = replace(self._plan(1), grid_s=grid_s, internal_step_s=grid_s)
         is_model = self.kind.setup.annotation.own_step == MODEL
         for k, p in enumerate(points):
@@ -741,7 +741,7 @@ class Survey:
 
     def _that_run(self, points: Sequence[FloatArray], per_sample: int) -> list[FloatArray]:
         """The points that the FMU takes, the first in any case: it may refuse a part of the box."""
-        kept = [points[0]]
+        running = [points[0]]
         for p in points[1:]:
             try:
                 self._simulated([p], per_sample)
@@ -750,8 +750,8 @@ class Survey:
             except FmuFailure:
                 self.batch.forget()
                 continue
-            kept.append(p)
-        return kept
+            running.append(p)
+        return running
 
     def _refuse_nonlinear(self, p: FloatArray, per_sample: int) -> None:
         """Complain of an unknown start where half a pulse does not give half the response."""

@@ -419,8 +419,8 @@ class Trace(TimeRecord):
         if self.is_driven:
             # a late response to a pulse is one of another start, which is unknown anyway
             delay_steps = plan.delay_steps if plan else 0
-            if plan and plan.grid_s and (asked := self.on_grid(plan.grid_s)):
-                look, at = asked
+            if plan and plan.grid_s and (gridded := self.on_grid(plan.grid_s)):
+                look, at = gridded
                 window = replace(look.window, delay_steps=delay_steps)
                 run = batch.ask(values, window, look.signal, output, owner)
                 return RequestedRuns(driven=run, at=at)
