@@ -169,7 +169,7 @@ def confirmed(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
                 continue
         except Exhausted:
             break
-        is_inside = np.any(np.abs(around - x) > 0.5 * np.abs(steps), axis=1)
+        is_inside = np.all(np.abs(steps) < likelihood.widths, axis=1)
         steps = LONGER * steps[(values < optimum.least + SEEN) & is_inside]
     return optimum
 
