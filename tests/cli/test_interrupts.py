@@ -21,6 +21,7 @@ from fitting.check import command
 from fitting.cli.running.interrupts import interruptible
 from fitting.cli.running.remaining import Remaining
 from fitting.fit import checkpoint
+from fitting.fmu import models
 from fitting.lab.tradeoff import ROWS_NAME
 from fitting.result.result import Result, read_result
 from fitting.text.finding import Kind, of_kind
@@ -298,7 +299,10 @@ def test_another_command_ends_with_130_and_leaves_nothing(tmp_path: Path) -> Non
 
 # an interrupt may come between the opening of a file and its block
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_model_that_is_being_built_leaves_nothing(tmp_path: Path) -> None:
+def test_a_model_that_is_being_built_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(models.CACHE, "")  # none is kept of an earlier build
     temporary = tmp_path / "tmp"
     words = ("reconstruct", STRING / "campaign.toml", "--out", tmp_path / "out")
     with temporary_files_in(temporary):
