@@ -176,10 +176,8 @@ def confirmed(evaluator: LikelihoodEvaluator, optimum: Optimum) -> Optimum:
 
 def _standard_errors(optimum: Optimum) -> FloatArray:
     """Steps (2 k, n) by a standard error of each of k parameters, up and down; others follow."""
-    likelihood, here = optimum.likelihood, optimum.expansion
-    prior = likelihood.widths / UNIFORM_WIDTH
-    covariance = Linearisation(rows=here.sample.rows, matrix=here.matrix, prior=prior).covariance
-    own = [k for k, p in enumerate(likelihood.parameters) if not p.experiments]
+    covariance = _of_data(optimum.likelihood, optimum.expansion).covariance
+    own = [k for k, p in enumerate(optimum.likelihood.parameters) if not p.experiments]
     steps = covariance[own] / np.sqrt(np.diag(covariance))[own, np.newaxis]
     return np.concatenate([steps, -steps])
 
