@@ -682,16 +682,17 @@ def check_estimator(solved: Solved) -> Iterator[Finding]:
 
 def check_simulation(solved: Solved) -> Iterator[Finding]:
     """Values of whose errors the simulation's own, or a doubtful scale, is a notable part."""
-    shifts, units, scale_off = dict[str, float](), list[str](), solved.sweeps.scale_off
+    scale_off, notable = solved.sweeps.scale_off, dict[str, FittedEstimate]()
+    shifts = dict[str, float]()
     for name, value in solved.every.items():
         noise = value.std - value.simulation
         if value.status.has_value and value.simulation > WORTH_SAYING * noise:
+            notable[name] = value
             shifts |= {name: value.simulation, f"{name}_noise": noise}
-            units.append(value.unit)
-    if not shifts:
+    if not notable:
         return
     # a doubtful scale is far more than the simulation's own error
-    names = {"values": tuple(shifts)[::2], "units": tuple(units)}
+    names = {"values": tuple(notable), "units": tuple(each.unit for each in notable.values())}
     if scale_off > 1.0:
         yield warning(Kind.scale_doubt, "sweep", names, **{"error": scale_off - 1.0} | shifts)
     else:
